@@ -183,6 +183,7 @@ class ForceObserver:
 
 
 def _samples(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """An array with a row for each time, of exactly this shape."""
     array = finite_array(name, value, shape[1:])
     if array.shape != shape:
         raise InputError(name, f"shape {array.shape}, expected {shape}: a row for each time")

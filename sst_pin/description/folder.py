@@ -99,6 +99,7 @@ def readme_of(p: Parameters) -> str:
     values_of_paper = _values(Parameters())
 
     def row(match: re.Match[str]) -> str:
+        """The end of a row of the table: value, grade and source of a parameter."""
         name, grade_and_source = match.groups()
         value = _text(values[name])
         if np.allclose(values[name], values_of_paper[name], rtol=1e-12, atol=1e-15):

@@ -7,7 +7,17 @@ from ..arrays import Array
 from .parameters import Parameters, RigidBody
 
 #: Names of all joints, leg by leg, in the order of q.
-JOINT_NAMES = tuple(f"{joint}_{k}" for k in (1, 2, 3) for joint in ("gamma", "mu", "beta"))
+JOINT_NAMES = (
+    "gamma_1",
+    "mu_1",
+    "beta_1",
+    "gamma_2",
+    "mu_2",
+    "beta_2",
+    "gamma_3",
+    "mu_3",
+    "beta_3",
+)
 #: Joints of the motors, in the order of va, aa and tau.
 MOTOR_NAMES = JOINT_NAMES[::3]
 

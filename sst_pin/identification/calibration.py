@@ -9,7 +9,7 @@ has the derivatives of a pose by the errors. Newton's method finds the errors th
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -241,7 +241,7 @@ def calibrate_with(
     all_drawn = np.concatenate(drawn)
 
     # The enlarged robot has a joint for each error. Errors that open the loops are left out.
-    errors = [f"{place}.{axis}" for place in unknown for axis in geometry.AXES]
+    errors = _errors_at(unknown)
     errors += _considered(machine, list(frames_of(systems)), which, urdf, unknown)
     large = _enlarged(machine, errors)
     opening = _opening(large, errors, _without_errors(large, chain, all_drawn))
@@ -528,6 +528,14 @@ def _configurations(chain: ClosedChain, angles: Array, start: ArrayLike | None) 
     return for_each_sample(assembled, [angles, guesses], (1, 1), (size,))
 
 
+def _errors_at(places: Iterable[str]) -> list[str]:
+    """Names of the six errors of each place."""
+    errors = []
+    for place in places:
+        errors += [f"{place}.{axis}" for axis in geometry.AXES]
+    return errors
+
+
 def _considered(
     chain: ClosedChain,
     frames: Sequence[str],
@@ -542,7 +550,7 @@ def _considered(
     known = [frame for frame in frames if frame != "universe" and frame not in unknown]
     joints_and_ends = geometry.places_of(mechanism)
     places = list(dict.fromkeys([*joints_and_ends, *known]))
-    names = [f"{place}.{axis}" for place in places for axis in geometry.AXES]
+    names = _errors_at(places)
     if urdf is None:
         storable = set(places)
     else:

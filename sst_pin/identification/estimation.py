@@ -145,22 +145,10 @@ def estimate(
     if np.abs(measured).max(initial=0.0) > _LARGEST:
         raise InputError("tau", f"torques up to {np.abs(measured).max():.2g}: squares overflow")
     require_base(chain, base)
-
-    # The equations Y theta = J^T tau. Parameters that are not considered go to the right side.
+    decimate = whole_number("decimate", decimate, 1)
     Y = chain.torque_regressor(q, va, aa)
-    _require_enough(Y, measured, n, len(base), whole_number("decimate", decimate, 1))
-    if decimate > 1:
-        names = chain.dynamic_parameters.names
-        dry = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
-        Y[..., dry] *= _mean_signs(chain.joint_rates(q, va))[:, None]
-    J = chain.actuator_jacobian(q)
-    known = np.array(chain.dynamic_parameters)
-    known[base.considered] = 0
-    forces = (measured[:, None, :] @ J)[:, 0] - Y @ known
-    regressor = decimated(Y[..., base.columns], decimate)
-    forces = decimated(forces, decimate)
-    if decimate > 1:
-        J = J[::decimate][1:-1]
+    _require_enough(Y, measured, n, len(base), decimate)
+    J, regressor, forces = _equations(chain, base, Y, measured, q, va, decimate)
     correlations = noise_correlations(decimate)
 
     # Weighted least squares. The noise of each motor follows from the residuals, and the weights
@@ -200,6 +188,43 @@ def estimate(
     else:
         covariance = spread.covariance
     return Estimate(base, values, covariance, noise, fewest, decimate)
+
+
+class _Equations(NamedTuple):
+    """The equations regressor theta = forces of N samples, with theta of the base parameters."""
+
+    J: Array  #: Actuator Jacobians, shape (N, motors, n).
+    regressor: Array  #: Shape (N, n, b).
+    forces: Array  #: J^T tau, without the part of known parameters, shape (N, n).
+
+
+def _equations(
+    chain: ClosedChain,
+    base: BaseParameters,
+    Y: Array,
+    measured: Array,
+    q: ArrayLike,
+    va: ArrayLike,
+    decimate: int,
+) -> _Equations:
+    """The equations Y theta = J^T tau, for measured torques, filtered and decimated.
+
+    Parameters that are not considered go to the right side.
+    """
+    if decimate > 1:  # friction as the filter sees it
+        Y = Y.copy()
+        names = chain.dynamic_parameters.names
+        dry = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
+        Y[..., dry] *= _mean_signs(chain.joint_rates(q, va))[:, None]
+    J = chain.actuator_jacobian(q)
+    known = np.array(chain.dynamic_parameters)
+    known[base.considered] = 0
+    forces = (measured[:, None, :] @ J)[:, 0] - Y @ known
+    regressor = decimated(Y[..., base.columns], decimate)
+    forces = decimated(forces, decimate)
+    if decimate > 1:
+        J = J[::decimate][1:-1]  # the samples of `decimated`
+    return _Equations(J, regressor, forces)
 
 
 def _huber_factor(residuals: Array, b: int) -> float:

@@ -302,6 +302,7 @@ class Distances(Measurement):
 
 
 def _values(name: str, values: ArrayLike, size: int) -> Array:
+    """Measured numbers, shape (N,); they are finite or NaN."""
     array = as_array(name, values, ())
     if array.shape != (size,) or np.isinf(array).any():
         problem = f"shape {array.shape}, expected ({size},), of finite numbers or NaN"

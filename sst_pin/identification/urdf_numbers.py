@@ -130,7 +130,9 @@ def _differences(chain: ClosedChain, urdf: Urdf, partly: Mapping[str, Sequence[s
     theta = chain.dynamic_parameters
     kinds = np.array([name.rpartition(".")[2] for name in theta.names])
     joints = [name.rpartition(".")[0] for name in theta.names]
-    parts = {part for series in partly.values() for part in series}
+    parts = set[str]()
+    for series in partly.values():
+        parts.update(series)
     lost = []
     for k, name in enumerate(theta.names):
         largest = np.abs(theta.values[kinds == kinds[k]]).max()
@@ -282,6 +284,7 @@ def _set_origin(joint: ET.Element, pose: pin.SE3) -> None:
 
 
 def _inertial(inertia: pin.Inertia) -> ET.Element:
+    """An `<inertial>` with a mass, its centre and its moments."""
     inertial = ET.Element("inertial")
     ET.SubElement(inertial, "origin", origin_of(pin.SE3(np.eye(3), inertia.lever)))
     ET.SubElement(inertial, "mass", value=repr(float(inertia.mass)))

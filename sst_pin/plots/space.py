@@ -190,7 +190,9 @@ def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
     v = robot.geometry.R_0[:, :, 0]
     share = np.linspace(0, 1, 60)
     for k in range(3):
-        here, there, opposite = v[k], v[(k + 1) % 3], v[(k + 2) % 3]
+        here = v[k]
+        there = v[(k + 1) % 3]
+        opposite = v[(k + 2) % 3]
         side = geometric_slerp(here, there, share)
         for point in side[10:-5:10]:
             thread = radius * geometric_slerp(point, opposite, share)

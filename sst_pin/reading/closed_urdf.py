@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reads a URDF with its YAML and SRDF into a `RobotFile`."""
+"""Reads a URDF with its YAML and SRDF into a `RobotFile`.
+
+The YAML has the cuts: closures where loops are cut in the tree of the URDF, motors, and more; see
+`cuts`. The SRDF has configurations by name.
+"""
 
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
@@ -10,7 +14,7 @@ import pinocchio as pin
 from ..arrays import names
 from ..errors import DescriptionError
 from ..model.checks import Motor, tendon_of, without_locked
-from ..model.closures import Coupling, frames_of
+from ..model.closures import Constraint, Coupling, frames_of
 from ..summaries import listed
 from .acting_elements import motors_of
 from .cut_joints import Marks
@@ -74,34 +78,29 @@ def cuts_beside(urdf: Path) -> Path | None:
 
 
 def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
-    """The robot of a URDF and its cuts.
+    """The robot of a URDF and its cuts, with an SRDF beside the URDF.
 
-    The cuts give its closures, else marks in the URDF; its mimic joints are closures too. Without
-    closures it is an open tree. An SRDF beside the URDF names configurations.
+    Its mimic joints are closures too. Without closures it is an open tree.
     """
-    # The tree, before joints are locked.
+    source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
+
+    # The tree, before joints are locked, and its couplings.
     model = urdf.tree(dict(cuts.joints))
     model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
-    source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
-    marks = urdf.marks
-    fixed = cuts.fixed
     _require_dependent(model, cuts, source)
     couplings = _couplings(urdf, cuts, source)
     joints_with_limits = set[str]()
     for key in LIMITS:
         joints_with_limits.update(cuts.numbers.get(key, {}))
     notes = [
-        *_unused(model, cuts, marks),
+        *_unused(model, cuts, urdf.marks),
         *urdf.lost_limits(dict(cuts.joints), joints_with_limits),
     ]
 
     # Closures, and numbers of joints.
-    loops = cuts.closures
     with naming(source):
-        if not loops:
-            joints = cuts.hinges or marks.joints  # the YAML replaces what the URDF marks
-            loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
-        numbers = updated(urdf.numbers, cuts.numbers, fixed)
+        loops = _loops(model, cuts, urdf.marks)
+        numbers = updated(urdf.numbers, cuts.numbers, cuts.fixed)
         put_numbers(model, numbers)
 
     # Configurations by name, then the joints that are locked.
@@ -119,19 +118,13 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         stiffness, spring_reference = springs_of(model, numbers)
 
     # Motors; in an open tree without motors each joint has one.
-    motors = tuple(_moving_motors(cuts.actuated, fixed))
+    motors = tuple(_moving_motors(cuts.actuated, cuts.fixed))
     open_tree = ""
-    if not cuts.source and not loops and not marks.independent:
-        open_tree = f"no {srdf_path.stem}.yaml with closures and motors is beside it; "
-        if cuts.actuated:
-            open_tree += "its transmissions name the motors"
-        else:
-            followers = {coupling.joint for coupling in couplings}
+    if not cuts.source and not loops and not urdf.marks.independent:
+        followers = {coupling.joint for coupling in couplings}
+        open_tree = _open_tree_warning(srdf_path.stem, bool(cuts.actuated), bool(followers))
+        if not cuts.actuated:
             motors = tuple(_single_joints(model, followers))
-            open_tree += "each joint of one axis"
-            if followers:
-                open_tree += " that mimics none"
-            open_tree += " has a motor; actuated= names the motors"
     if not any(inertia.mass for inertia in list(model.inertias)[1:]):
         notes.append(_without_mass(model))
     return RobotFile(
@@ -149,6 +142,31 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         notes=tuple(notes),
         open_tree=open_tree,
     )
+
+
+def _loops(model: pin.Model, cuts: Cuts, marks: Marks) -> tuple[Constraint, ...]:
+    """The closures of the YAML, else those that the URDF marks.
+
+    Frames of joints that close loops are added to the model.
+    """
+    if cuts.closures:
+        return cuts.closures
+    joints = cuts.hinges or marks.joints  # the YAML replaces what the URDF marks
+    return (*closing_frames(model), *(joint.closure(model) for joint in joints))
+
+
+def _open_tree_warning(name: str, has_motors: bool, has_followers: bool) -> str:
+    """The warning of a robot without loops: which motors it has.
+
+    `name` is the name of the file that could have closures, without its ending.
+    """
+    text = f"no {name}.yaml with closures and motors is beside it; "
+    if has_motors:
+        return text + "its transmissions name the motors"
+    text += "each joint of one axis"
+    if has_followers:
+        text += " that mimics none"
+    return text + " has a motor; actuated= names the motors"
 
 
 def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
@@ -171,10 +189,12 @@ def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
-    """A warning of closures of the URDF that the closures of the YAML replace."""
+    """A warning of closures that the URDF marks and that the closures of the YAML replace."""
     names = [joint.name for joint in marks.joints]
     if cuts.closures:
-        used_frames = {name for closure in cuts.closures for name in frames_of(closure)}
+        used_frames = set[str]()
+        for closure in cuts.closures:
+            used_frames.update(frames_of(closure))
         for frame in model.frames:
             if is_closing(frame) and frame.name not in used_frames:
                 names.append(frame.name)

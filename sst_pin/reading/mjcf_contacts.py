@@ -35,7 +35,8 @@ def contacts_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact]:
         ground = pair.first
         shape = pair.second
         if mj.geom_type[ground] != plane:
-            ground, shape = shape, ground
+            ground = pair.second
+            shape = pair.first
         kind = mj.geom_type[shape]
         if mj.geom_type[ground] != plane or kind not in (sphere, box):
             kinds = [_geom_kind(compiled, geom) for geom in (pair.first, pair.second)]

@@ -20,8 +20,10 @@ _ATTRIBUTES = {
     "mimic": ("joint",),
 }
 _TEXTS = ("parent", "child", "gearbox_reference_body")
-#: The frame of the model itself, and the world, which has the same name everywhere.
-_MODEL, _WORLD = "__model__", "world"
+#: The frame of the model itself.
+_MODEL = "__model__"
+#: The world, which has the same name everywhere.
+_WORLD = "world"
 
 
 def without_nested_models(model: ET.Element) -> tuple[ET.Element, list[str]]:
@@ -93,6 +95,7 @@ def _rename(part: ET.Element, model: str) -> None:
     """Put the name of the inner model before its names."""
 
     def outer(name: str) -> str:
+        """The name in the outer model of what has this name in the inner one."""
         if name == _WORLD:
             return name
         if name == _MODEL:

@@ -108,10 +108,12 @@ class GalleryRobot(ClosedChain):
         matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
         poses = finite_array("pose", matrices, (4, 4))
 
+        # Units of the entries of a pose, in which it is compared with the one that is reached.
         units = np.ones((4, 4))
         units[:3, 3] = self.mechanism.length
 
         def joints(pose: Array) -> Array:
+            """The configuration for one pose, a homogeneous matrix."""
             q = self._configuration(pin.SE3(pose))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")

@@ -59,6 +59,7 @@ def scissor_lift(
     tip = shift((arm, 0))
 
     def add_zigzag(names: list[str], parent: str, at: pin.SE3) -> None:
+        """Add arms end to end, from a place on a parent."""
         for name in names:
             tree.hinge(name, bar(arm_mass, arm, radius), parent, at)
             tree.frame(f"middle_of_{name}", name, (arm / 2, 0))

@@ -34,6 +34,7 @@ def star_motion(robot: SST, table: Table) -> tuple[Array, Array, Array] | None:
 
 
 def _platform_motion(table: Table) -> PlatformMotion | None:
+    """The motion of the star in a table; None if the table has motor angles."""
     has_quaternion = any(name in table.columns for name in _QUATERNION)
     has_angles = any(_column(table, name) for name in _ANGLES)
     has_motors = any(_column(table, name) for name in MOTOR_NAMES)
