@@ -303,7 +303,8 @@ def test_ropes_cables_and_gains_act_as_on_the_reference_path(device):
 
 
 @pytest.mark.slow
-def test_bipeds_land_on_their_feet_as_on_the_reference_path(device):
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_bipeds_land_on_their_feet_as_on_the_reference_path(device, dtype):
     """Eighteen coordinates, six loops, eight points; two states."""
     chain = biped()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
@@ -313,12 +314,13 @@ def test_bipeds_land_on_their_feet_as_on_the_reference_path(device):
     tau, h = np.zeros((2, 60, motors)), 2e-3
     joints = [chain.model.joints[chain.model.getJointId(name)] for name in chain.motor_names]
     positions = chain.home[[joint.idx_q for joint in joints]]
-    batch = chain.warp(device)
+    batch = chain.warp(device, dtype)
     (hold,) = arrays(batch, np.tile(positions, (2, 1)))
     states, codes = steps(batch, q, va, tau, h, motor_positions=hold, **gains)
     motion = chain.rollout(tau, q, va, h, nonsmooth=True, **gains)
     assert not codes.any()
-    require_same(states, motion, h, "float64")
+    require_same(states, motion, h, dtype)
     of_feet = motion.contact_forces[..., 2].reshape(2, 60, 2, 4)
     assert (of_feet.max(axis=(1, 3)) > 0).all()
-    assert np.abs(chain.residual(states[-1].q.numpy())).max() < 1e-12
+    # Lengths below 1 m, rounded some times.
+    assert np.abs(chain.residual(states[-1].q.numpy())).max() < 20 * np.finfo(dtype).eps
