@@ -139,6 +139,48 @@ class Compiled:
         kinds = self.mj.wrap_type[self.wraps(tendon)]
         return bool((kinds != int(self.mujoco.mjtWrap.mjWRAP_JOINT)).any())
 
+    @cached_property
+    def tendon_armature(self) -> Array:
+        """Inertias of the tendons, shape (tendons,); not every MuJoCo has them."""
+        return np.asarray(getattr(self.mj, "tendon_armature", np.zeros(self.mj.ntendon)))
+
+    def needs_joint(self, tendon: int) -> bool:
+        """Whether a fixed tendon has forces, or inertia that couples joints."""
+        if self.is_spatial(tendon):
+            return False
+        shares = self.shares(tendon)
+        if not shares:  # locked joints alone
+            return False
+        mj = self.mj
+        forces = [
+            mj.tendon_stiffness[tendon] and not self.disabled("spring"),
+            mj.tendon_damping[tendon] and not self.disabled("damper"),
+            mj.tendon_frictionloss[tendon] and not self.disabled("frictionloss"),
+        ]
+        return any(forces) or bool(self.tendon_armature[tendon] and len(shares) > 1)
+
+    def fixed_length(self, tendon: int, qpos: Array) -> float:
+        """Length of a fixed tendon: the sum of coefficients times positions, locked ones too."""
+        wraps = self.wraps(tendon)
+        joints = self.mj.wrap_objid[wraps]
+        moving = np.array([not self.is_locked(joint) for joint in joints], dtype=bool)
+        addresses = self.mj.jnt_qposadr[joints]
+        positions = np.where(moving, qpos[addresses], self.mj.qpos0[addresses])
+        return float(self.mj.wrap_prm[wraps] @ positions)
+
+    def forces_of_free_joint(self, joint: int) -> list[str]:
+        """What a free joint has that depends on the axes of its rates, in words."""
+        mj = self.mj
+        dof = mj.jnt_dofadr[joint]
+        words = list[str]()
+        if mj.dof_armature[dof]:
+            words.append("armature")
+        if mj.dof_frictionloss[dof] and not self.disabled("frictionloss"):
+            words.append("frictionloss")
+        if mj.jnt_stiffness[joint] and not self.disabled("spring"):
+            words.append("a spring")
+        return words
+
     def shares(self, tendon: int) -> dict[int, float]:
         """Coefficients of a fixed tendon by joint, without locked joints."""
         shares = dict[int, float]()

@@ -32,8 +32,17 @@ _TORQUESCALE = 10
 
 
 def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
-    """Closures of the active equalities; frames of their ends are added to the tree."""
+    """Closures of the active equalities; frames of their ends are added to the tree.
+
+    Couplings of the joints of fixed tendons come first: position = sum of coefficient * position.
+    """
     mj = compiled.mj
+    for tendon in tree.tendons:
+        shares = compiled.shares(tendon)
+        polynomials = {compiled.joint(joint): (0.0, share) for joint, share in shares.items()}
+        moving = sum(share * mj.qpos0[mj.jnt_qposadr[joint]] for joint, share in shares.items())
+        offset = compiled.fixed_length(tendon, mj.qpos0) - moving  # of joints that are locked
+        yield Coupling(compiled.name("tendon", tendon), polynomials, float(offset))
     kinds = compiled.mujoco.mjtEq
     for i in map(int, np.flatnonzero(mj.eq_active0)):
         name = compiled.name("equality", i)
@@ -332,8 +341,7 @@ def lines_of(
             stiffness = mj.tendon_stiffness[tendon]
         if not compiled.disabled("damper"):
             damping = mj.tendon_damping[tendon]
-        # Not every MuJoCo has inertias of tendons.
-        mass = getattr(mj, "tendon_armature", np.zeros(mj.ntendon))[tendon]
+        mass = compiled.tendon_armature[tendon]
         exerts_force = stiffness or damping or mass or name in driven
         if not compiled.is_spatial(tendon) or not exerts_force:
             if has_limits and name not in ropes:

@@ -4,7 +4,13 @@
 Hinges and slides have the coordinates of MuJoCo's `qpos`, which include `ref`. Balls and free
 joints have Pinocchio's coordinates. In Pinocchio a quaternion has its scalar last, in MuJoCo first.
 In Pinocchio the linear rates of a free joint are in axes of the body, in MuJoCo in axes of the
-world. Angular rates are in axes of the body in both.
+world. Angular rates are in axes of the body in both. Where the difference matters, because the
+joint has a spring, dry friction or armature, the free joint becomes three slides and a ball.
+Damping is the same for all six rates, and so the same in all axes.
+
+A fixed tendon with forces or inertia becomes a joint of a body without mass. `closures_of` couples
+the joint: its position is the length of the tendon. So springs, dampers, friction and armature of
+the tendon are those of the joint.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,7 +54,9 @@ class MjcfTree:
     Attributes:
         model: The Pinocchio model.
         bodies: For each body of MuJoCo the joint that moves it, and its placement on this joint.
-        dofs: For each rate of the model, its degree of freedom in MuJoCo.
+        dofs: For each rate of the model, its degree of freedom in MuJoCo; rates of tendons, which
+            come last, have none.
+        tendons: Indices of the fixed tendons that have a joint.
     """
 
     def __init__(self, compiled: Compiled) -> None:
@@ -70,6 +78,22 @@ class MjcfTree:
         for site in range(mj.nsite):
             place = pose_of(mj.site_pos[site], mj.site_quat[site])
             self.add_frame(compiled.name("site", site), mj.site_bodyid[site], place)
+        self.tendons = list[int]()
+        for tendon in range(mj.ntendon):
+            if compiled.needs_joint(tendon):
+                self._add_tendon(tendon)
+
+    def _add_tendon(self, tendon: int) -> None:
+        """Add a joint for a fixed tendon: a hinge if all its joints are hinges, else a slide."""
+        compiled = self._compiled
+        name = compiled.name("tendon", tendon)
+        if self.model.existJointName(name):
+            compiled.problems.append(f"tendon {name}: a joint has this name too; rename one")
+            return
+        kinds = {int(compiled.mj.jnt_type[joint]) for joint in compiled.shares(tendon)}
+        joint = pin.JointModelRX() if kinds == {int(HINGE)} else pin.JointModelPX()
+        self.model.addJointFrame(self.model.addJoint(0, joint, pin.SE3.Identity(), name))
+        self.tendons.append(tendon)
 
     def _add_body(self, body: int) -> None:
         """Add a body with its joints in series, behind its parent."""
@@ -102,6 +126,7 @@ class MjcfTree:
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         locked = compiled.locked_rates(joint)
         reference = None
+        is_split = False
         to_zero = pin.SE3.Identity()  # from qpos0 to position zero
         if kind == FREE:
             model = pin.JointModelFreeFlyer()
@@ -109,6 +134,7 @@ class MjcfTree:
             placement = pin.SE3.Identity()  # the coordinates are the pose in the world
             if locked:
                 placement = reference = pin.XYZQUATToSE3(mj.qpos0[addresses])
+            is_split = bool(compiled.forces_of_free_joint(joint))
         elif kind == HINGE:
             model = _along(axis, TURNS, pin.JointModelRevoluteUnaligned)
             addresses = [address]
@@ -120,7 +146,7 @@ class MjcfTree:
         else:
             model = pin.JointModelSpherical()
             addresses = _scalar_last(address)
-        if locked:
+        if locked or is_split:
             series: Series = PartlyLocked(model, dict.fromkeys(locked, 0.0))
         else:
             series = Series.whole(model)
@@ -165,33 +191,36 @@ class MjcfTree:
         model = self.model
         joints = mj.dof_jntid[self.dofs]  # of each rate
         self._add_position_limits(joints)
-        model.armature = mj.dof_armature[self.dofs] + self._tendon_armature()
+        tendons = self.tendons
+        of_joints = mj.dof_armature[self.dofs] + self._tendon_armature()
+        model.armature = np.append(of_joints, compiled.tendon_armature[tendons])
         model.damping = np.zeros(model.nv)
         model.friction = np.zeros(model.nv)
         stiffness = np.zeros(model.nv)
         if not compiled.disabled("damper"):
-            model.damping = mj.dof_damping[self.dofs]
+            model.damping = np.append(mj.dof_damping[self.dofs], mj.tendon_damping[tendons])
         if not compiled.disabled("frictionloss"):
-            model.friction = mj.dof_frictionloss[self.dofs]
+            of_joints = mj.dof_frictionloss[self.dofs]
+            model.friction = np.append(of_joints, mj.tendon_frictionloss[tendons])
         if not compiled.disabled("spring"):
-            stiffness = np.asarray(mj.jnt_stiffness[joints])
+            stiffness = np.append(mj.jnt_stiffness[joints], mj.tendon_stiffness[tendons])
+        spring_reference = self._configuration(mj.qpos_spring)
+        if tendons:
+            spring_reference[-len(tendons) :] = mj.tendon_lengthspring[tendons, 0]
         for name, qpos in self._keyframes():
             model.referenceConfigurations[name] = pin.normalize(model, self._configuration(qpos))
-        return JointSprings(stiffness, self._configuration(mj.qpos_spring))
+        return JointSprings(stiffness, spring_reference)
 
     def _tendon_armature(self) -> Array:
         """Inertia of fixed tendons with one joint, m c^2 for the coefficient c, shape (nv,)."""
         mj = self._compiled.mj
         armature = np.zeros(len(self.dofs))
-        # Not every MuJoCo has inertias of tendons.
-        for tendon in np.flatnonzero(getattr(mj, "tendon_armature", np.zeros(mj.ntendon))):
-            if self._compiled.is_spatial(int(tendon)):
+        for tendon in map(int, np.flatnonzero(self._compiled.tendon_armature)):
+            if self._compiled.is_spatial(tendon) or tendon in self.tendons:
                 continue
-            shares = self._compiled.shares(int(tendon))
-            if len(shares) == 1:  # others couple joints, which `unread` refuses
-                ((joint, coefficient),) = shares.items()
+            for joint, coefficient in self._compiled.shares(tendon).items():  # one, or all locked
                 rate = self.dofs == mj.jnt_dofadr[joint]
-                armature[rate] += mj.tendon_armature[tendon] * coefficient**2
+                armature[rate] += self._compiled.tendon_armature[tendon] * coefficient**2
         return armature
 
     def _add_position_limits(self, joints: Array) -> None:
@@ -209,7 +238,7 @@ class MjcfTree:
         model.upperPositionLimit = np.full(model.nq, np.inf)
         for joint in list(model.joints)[1:]:
             rate = joint.idx_v
-            if joint.nv == 1 and has_limit[rate] and not is_ball[rate]:
+            if rate < len(joints) and joint.nv == 1 and has_limit[rate] and not is_ball[rate]:
                 lower, upper = mj.jnt_range[joints[rate]]
                 model.lowerPositionLimit[joint.idx_q] = lower
                 model.upperPositionLimit[joint.idx_q] = upper
@@ -235,6 +264,8 @@ class MjcfTree:
                 pose = pin.XYZQUATToSE3(q)
                 q = pin.SE3ToXYZQUAT(coordinates.reference.actInv(pose))
             parts += coordinates.series.positions(q)
+        lengths = [self._compiled.fixed_length(tendon, qpos) for tendon in self.tendons]
+        parts.append(np.array(lengths))
         return np.concatenate(parts)
 
     def _keyframes(self) -> Iterator[tuple[str, Array]]:

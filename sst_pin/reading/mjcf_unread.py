@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..summaries import listed
 from .mjcf_compiled import BALL, FREE, Compiled
 from .mjcf_loops import actuators
 from .mjcf_tree import MjcfTree
@@ -27,10 +28,7 @@ _NOT_READ = {
     "dof_dampingpoly": "the polynomial of a damper",
     "body_gravcomp": "compensation of gravity that differs between bodies (give all the same, or 0 "
     "and external_wrenches that carry weights)",
-    "tendon_stiffness": "the stiffness of a fixed tendon",
-    "tendon_damping": "the damping of a fixed tendon",
-    "tendon_frictionloss": "the friction of a tendon",
-    "tendon_armature": "the armature of a fixed tendon with several joints",
+    "tendon_frictionloss": "the friction of a spatial tendon",
     "tendon_stiffnesspoly": "the polynomial of a tendon's spring",
     "tendon_dampingpoly": "the polynomial of a tendon's damper",
     "tendon_springyield": "the yield of a tendon's spring",
@@ -48,7 +46,7 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
     """Problems of forces and inertias that act on moving joints and are not supported."""
     mj = compiled.mj
     forces = _Forces(compiled, tree)
-    problems = list(_joint_problems(compiled))
+    problems = [*_joint_problems(compiled), *_tendon_problems(compiled, tree)]
     for field, description in _NOT_READ.items():
         if forces.depend_on(field):
             problems.append(f"{description} is not supported")
@@ -84,13 +82,15 @@ def _joint_problems(compiled: Compiled) -> Iterator[str]:
         has_friction = mj.dof_frictionloss[dof] and not compiled.disabled("frictionloss")
         is_ball = mj.jnt_type[joint] == BALL
         if mj.jnt_type[joint] == FREE:
-            text = "use <freejoint> instead"
-            if mj.dof_armature[dof]:
-                yield f"joint {name}: a free joint with armature; {text}"
-            if has_friction:
-                yield f"joint {name}: a free joint with frictionloss; {text}"
-            if has_spring:
-                yield f"joint {name}: a free joint with a spring; {text}"
+            forces = listed(compiled.forces_of_free_joint(joint))
+            if forces == "none":
+                continue
+            what = f"joint {name}: a free joint with {forces}"
+            if compiled.locked_rates(joint):
+                yield f"{what}, locked in part; use <freejoint> without these"
+            else:
+                text = "is read as three slides and a ball; <freejoint> has none of these"
+                compiled.notes.append(f"{what} {text}")
         elif is_ball and 0 < len(compiled.locked_rates(joint)) < 3:
             if has_spring:
                 yield f"joint {name}: a ball with a spring; it can only be locked as a whole"
@@ -99,11 +99,20 @@ def _joint_problems(compiled: Compiled) -> Iterator[str]:
                 compiled.notes.append(f"joint {name}: {text}")
 
 
+def _tendon_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
+    """Springs of fixed tendons without a force in a range of lengths."""
+    if compiled.disabled("spring"):
+        return
+    for tendon in tree.tendons:
+        shortest, longest = compiled.mj.tendon_lengthspring[tendon]
+        if compiled.mj.tendon_stiffness[tendon] and shortest != longest:
+            text = "a springlength with a dead band is not supported; give one number"
+            yield f"tendon {compiled.name('tendon', tendon)}: {text}"
+
+
 #: Fields whose forces appear in some states only, so that random states may miss them. They count
 #: wherever they are not zero.
 _IN_SOME_STATES = ("jnt_springyield", "tendon_springyield", "tendon_frictionloss")
-#: Forces and inertias of spatial tendons that are read as lines.
-_OF_LINES = ("tendon_stiffness", "tendon_damping", "tendon_armature")
 #: Number of random states.
 _STATES = 3
 #: Standard deviation of the random displacements from `qpos0`, [rad] or [m]: large enough that
@@ -122,6 +131,7 @@ class _Forces:
         self._compiled = compiled
         self._mujoco = compiled.mujoco
         self._mj = compiled.mj
+        self._tendons = tree.tendons
         self._moves = np.isin(np.arange(self._mj.nv), tree.dofs)
         random = np.random.default_rng(0)
         self._displacements = _DISPLACEMENT * self._random_rows(random)
@@ -171,13 +181,8 @@ class _Forces:
     def unread_numbers(self, field: str) -> Array:
         """The numbers of a field, with zeros in place of those that are read."""
         values = np.array(getattr(self._mj, field, 0.0), dtype=float)
-        if field in _OF_LINES:
-            spatial = [self._compiled.is_spatial(i) for i in range(self._mj.ntendon)]
-            values[np.array(spatial, dtype=bool)] = 0
-        if field == "tendon_armature":
-            for tendon in map(int, np.flatnonzero(values)):
-                if len(self._compiled.shares(tendon)) == 1:  # it is an armature of the joint
-                    values[tendon] = 0
+        if field == "tendon_frictionloss":
+            values[self._tendons] = 0
         if field == "body_gravcomp" and self._compiled.gravcomp is not None:
             values[:] = 0
         return values

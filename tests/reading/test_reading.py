@@ -372,7 +372,6 @@ def test_locked_joints_stay_at_their_reference(mjcf):
         read_mjcf(mjcf, ["knee"])
 
 
-FREE = '<joint type="free" armature="1"/><geom size="1"/>'
 FIXED = '<tendon><fixed {}="{}"><joint joint="ja" coef="{}"/></fixed></tendon><actuator>'
 ZERO = FIXED.format("name", "t", 0)
 DC = '<dcmotor joint="jb" motorconst=".5" resistance="1" input="none"/>'
@@ -386,7 +385,6 @@ MANY = 500 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ('"d"/>', '"d"><joint name="b_1"/><geom size="1"/></body>', "several joints b_1"),
         ("<joint axis", '<joint name="jä" axis', "names that are not UTF-8"),
         ('<body name="d"/>', MANY, "504 moving joints; at most"),
-        ('"d"/>', f'"d">{FREE}</body>', "joint d: a free joint with armature; use <freejoint>"),
         ('<motor joint="jb"/>', '<motor site="s1" refsite="s2"/>', "an actuator on a site"),
         ('<motor joint="jb"/>', DC, "actuator_2: it acts without a control"),
         ("<actuator>", f'{ZERO}<motor name="m" tendon="t"/>', "m: the coefficients of its tendon"),
@@ -398,7 +396,6 @@ MANY = 500 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ('"c3" body1="b" anchor=".1', '"c3" body1="b" anchor="nan', "c3: data is not finite"),
         ('gear="7"', 'gear="0"', "actuator_0: its gear is 0"),
         ("<equality>", '<option><flag equality="disable"/></option><equality>', "no closure"),
-        ("<actuator>", FIXED.format("damping", 1, 1), "the damping of a fixed tendon"),
     ],
 )
 def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):

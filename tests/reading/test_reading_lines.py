@@ -85,7 +85,7 @@ def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
         (f"{HAND}{TIP}", f"{HAND}{TIP}{HAND}", "tendon both: a tendon through 3 sites"),
         (LEFT, f'{LEFT}{TIP}<pulley divisor="2"/>{TIP}', "tendon damper: a tendon with pulleys"),
         ('name="damper"', 'name="elbow"', "tendon elbow: a joint has this name too"),
-        ('damping="7"', 'damping="7" frictionloss="1"', "friction of a tendon"),
+        ('damping="7"', 'damping="7" frictionloss="1"', "friction of a spatial tendon"),
         (
             "<equality>",
             '<equality><tendon tendon1="idle" tendon2="both"/>',
