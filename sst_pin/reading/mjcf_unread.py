@@ -26,8 +26,6 @@ _NOT_READ = {
     "jnt_stiffnesspoly": "the polynomial of a spring",
     "jnt_springyield": "the yield of a spring",
     "dof_dampingpoly": "the polynomial of a damper",
-    "body_gravcomp": "compensation of gravity that differs between bodies (give all the same, or 0 "
-    "and external_wrenches that carry weights)",
     "tendon_frictionloss": "the friction of a spatial tendon",
     "tendon_stiffnesspoly": "the polynomial of a tendon's spring",
     "tendon_dampingpoly": "the polynomial of a tendon's damper",
@@ -47,6 +45,8 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
     mj = compiled.mj
     forces = _Forces(compiled, tree)
     problems = [*_joint_problems(compiled), *_tendon_problems(compiled, tree)]
+    if forces.depend_on("body_gravcomp"):
+        problems.append(_gravcomp_problem(compiled))
     for field, description in _NOT_READ.items():
         if forces.depend_on(field):
             problems.append(f"{description} is not supported")
@@ -97,6 +97,29 @@ def _joint_problems(compiled: Compiled) -> Iterator[str]:
             if has_friction or mj.dof_damping[dof]:
                 text = "its friction acts about each axis that is not locked"
                 compiled.notes.append(f"joint {name}: {text}")
+
+
+def _gravcomp_problem(compiled: Compiled) -> str:
+    """What to do about a `gravcomp` that differs between bodies, ready to paste."""
+    mj = compiled.mj
+    if getattr(mj, "jnt_actgravcomp", np.zeros(0)).any():
+        return (
+            "actuatorgravcomp is not supported: remove gravcomp; the torques of the motors are "
+            "then those with which they compensate weights"
+        )
+    sites = list[str]()
+    wrenches = list[str]()
+    for body in map(int, np.flatnonzero((mj.body_gravcomp != 0) & (mj.body_mass > 0))):
+        name = compiled.name("body", body)
+        center = " ".join(f"{x:.12g}" for x in mj.body_ipos[body])
+        sites.append(f'in body {name} <site name="{name}_lift" pos="{center}"/>')
+        force = -mj.body_gravcomp[body] * mj.body_mass[body] * mj.opt.gravity
+        numbers = ", ".join(f"{x + 0.0:.12g}" for x in force)
+        wrenches.append(f'"{name}_lift": [{numbers}, 0, 0, 0]')
+    return (
+        "gravcomp that differs between bodies is not supported: remove gravcomp, add sites at the "
+        f"mass centres, {', '.join(sites)}, and pass external_wrenches={{{', '.join(wrenches)}}}"
+    )
 
 
 def _tendon_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
