@@ -107,10 +107,23 @@ def unread(root: ET.Element) -> Iterator[Problem]:
                 yield warning(f"<{element.tag}>", f"of {listed(names)} is not read")
     yield from _of_joints(root)
     if not is_weightless(root):  # gravity that is off for all links is read as no gravity
-        for name in sorted(_without_gravity(root)):
-            text = "gravity is off for some links only, which is not supported; it counts as on, "
-            text += "and external_wrenches can carry its weight"
-            yield warning(f"link {name}", text)
+        for link in root.findall("link"):
+            if link.get("name", "") in _without_gravity(root):
+                yield warning(f"link {link.get('name')}", _weight_problem(link))
+
+
+def _weight_problem(link: ET.Element) -> str:
+    """What to do about a link without gravity in a robot with gravity."""
+    name = link.get("name")
+    mass = number(link.find("inertial/mass"), "value") or 0.0
+    origin = link.find("inertial/origin")
+    center = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+    return (
+        "gravity is off for some links only, which is not supported; it counts as on. To carry the "
+        f'weight, add a frame at the mass centre, <frame name="{name}_lift" link="{name}" '
+        f'xyz="{center}"/> in a URDF or <frame> in an SDF, and pass external_wrenches='
+        f'{{"{name}_lift": [0, 0, 9.81 * {mass:.12g}, 0, 0, 0]}}'
+    )
 
 
 def _texts(element: ET.Element) -> set[str]:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What acts in the file of another tool is read, or named by a warning and by `validate`."""
 
+import ast
+import re
 import warnings
 
 import numpy as np
@@ -129,6 +131,30 @@ def test_gravity_that_is_off_for_one_link_is_named(tmp_path, words):
     assert len(records) == 1
     assert "link tip: gravity is off for some links only" in records[0]
     assert chain.model.gravity.linear.any()
+
+
+def test_the_cure_of_gravity_that_is_off_for_one_link_carries_its_weight(tmp_path):
+    """As printed, it leaves the weight of the other link: 1 kg at 0.1 m from the hinge about y."""
+    link = f'<link name="tip">{BODY}<drake:disable_gravity/></link>'
+    joint = """<joint name="wrist" type="continuous"><parent link="arm"/><child link="tip"/>
+    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint><joint name="hinge" type="continuous">
+    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>"""
+    path = tmp_path / "r.urdf"
+    text = ARM.replace(ARM[ARM.index("<joint") : ARM.index("</robot>")], link + joint)
+    path.write_text(text)
+    path.with_suffix(".yaml").write_text("name_mot: [hinge, wrist]\n")
+    with pytest.warns(sst_pin.DescriptionWarning, match="gravity is off for some links") as caught:
+        sst_pin.ClosedChain.from_urdf(path)
+    told = str(caught[0].message)
+    frame = re.search("<frame name.*?/>", told).group()
+    path.write_text(text.replace("</robot>", f"{frame}</robot>"))
+    with pytest.warns(sst_pin.DescriptionWarning, match="gravity is off for some links"):
+        chain = sst_pin.ClosedChain.from_urdf(path)
+    wrenches = ast.literal_eval(told.partition("external_wrenches=")[2].replace("* 1,", ","))
+    q = chain.assemble({"hinge": 0.3, "wrist": 0.4})
+    f = chain.generalized_forces(q, np.zeros(2), np.zeros(2), external_wrenches=wrenches)
+    expected = {"hinge": -9.81 * 0.1 * np.cos(0.3), "wrist": 0.0}
+    assert f == pytest.approx([expected[name] for name in chain.coordinates], abs=1e-12)
 
 
 def test_a_spring_of_gazebo_acts(tmp_path):
