@@ -24,13 +24,30 @@ _PREPARE = {"numbers": "rows", "width": "real", "p": "rows"}
 _RUN = dict.fromkeys(("q", "va", "last"), "rows") | {WRENCHES: "loads"}
 _RUN |= dict.fromkeys(("p", "out", "va_out"), "rows")
 _RUN |= {"h": "real", "steps": "int", "status": "flags"}
-#: Of nonsmooth steps: the state and what acts, numbers of the robots, where the solver starts; then
-#: the results; then `iterations`, and the factor of the violations with which a step may start.
-_STEP = dict.fromkeys(("q", "va", "tau"), "rows") | {WRENCHES: "loads"}
-_STEP |= dict.fromkeys(("p", "numbers", "held", "start"), "rows")
-_STEP |= dict.fromkeys(("q_out", "va_out", "contact_forces", "tensions"), "rows")
-_STEP |= dict.fromkeys(("joint_forces", "residual", "impulses"), "rows")
-_STEP |= {"h": "real", "steps": "int", "series": "int", "violation": "real", "status": "flags"}
+#: Arguments of the kernel of nonsmooth steps.
+_STEP = {
+    "q": "rows",
+    "va": "rows",
+    "tau": "rows",
+    WRENCHES: "loads",
+    "p": "rows",  # parameters and constants of the generated kernels
+    "numbers": "rows",  # of contacts, ropes, cables, stops, friction and gains
+    "held": "rows",  # positions of the motors
+    "start": "rows",  # impulses where the solver starts
+    # the results, in the order of `NonsmoothState`
+    "q_out": "rows",
+    "va_out": "rows",
+    "contact_forces": "rows",
+    "tensions": "rows",
+    "joint_forces": "rows",
+    "residual": "rows",
+    "impulses": "rows",
+    "h": "real",  # length of a step, [s]
+    "steps": "int",
+    "series": "int",  # the most rounds of the solver in a step
+    "violation": "real",  # at the start, relative to that with which a motion may start
+    "status": "flags",
+}
 #: Files that stand before the kernels, and those that stand after them.
 _HELPERS = ("real.h", "warp.h")
 _SOLVER = ("nonsmooth_solver.h", "nonsmooth_move.h")

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 /* Impulses of stops, dry friction, ropes, cables and contacts in one step of one robot, as
- * dynamics/impulses.py and dynamics/nonsmooth_step.py compute them; those files say why. It is C for
- * kernels of the CPU, and C++ in a class for kernels of Warp, on numbers of one or two words, see
- * real.h. Matrices are row-major. */
+ * dynamics/impulses.py and dynamics/nonsmooth_step.py compute them; those files say why. The compiled
+ * rollout takes this file as C, kernels of Warp as C++ in a class, in either precision; see real.h.
+ * Matrices are row-major. */
 #ifdef __cplusplus
 #define SMALL HELPER
-#define FAST static __attribute__((noinline)) /* once in the code: inline, it compiles for minutes */
+/* Not inline: with a copy at each call, the compiler for GPUs takes minutes. */
+#define FAST static __attribute__((noinline))
 #else
 #include <math.h>
 #include <string.h>

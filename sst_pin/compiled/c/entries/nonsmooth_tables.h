@@ -1,4 +1,5 @@
-static const int row_start[] = {${row_start}}, row_column[] = {${row_column}};
+/* this robot: its rows, and the bounds of its steps */
+    static const int row_start[] = {${row_start}}, row_column[] = {${row_column}};
     static const int impulse_row[] = {${impulse_row}}, impulse_sign[] = {${impulse_sign}};
     static const int implicit_row[] = {${implicit_row}}, stop_position[] = {${stop_position}};
     static const number units[] = {${units}};

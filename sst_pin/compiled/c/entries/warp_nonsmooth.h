@@ -1,6 +1,7 @@
-/* Nonsmooth steps of one robot, as nonsmooth.h makes them. What is not solved is told by UNSOLVED; its
- * results are the best that were reached. Other bad samples are NaN. The arrays are local, because
- * local memory of a GPU puts the same numbers of neighbouring threads side by side. */
+/* Nonsmooth steps of one robot, as nonsmooth.h makes them. The arguments are those of `_STEP` in
+ * warp_code.py. If the impulses of a step are not solved, the status is UNSOLVED, and the results are
+ * the best that were reached; results of other bad samples are NaN. The arrays are local: local memory
+ * of a GPU puts the same number of neighbouring threads side by side. */
 static void run(int i, const rows &q, const rows &va, const rows &tau, const rows &external_wrenches,
     const rows &p, const rows &numbers, const rows &held, const rows &start, const rows &q_out,
     const rows &va_out, const rows &contact_forces, const rows &tensions, const rows &joint_forces,
@@ -17,6 +18,8 @@ static void run(int i, const rows &q, const rows &va, const rows &tau, const row
     number torque[${motors} + 1], position[${motors} + 1], impulse[${m} + 1], force[${m} + 1];
     int marks[FLAGS(${m})];
     number worst = 0;
+
+    /* the arguments of this robot */
     ${takes}
     for (int j = 0; j < motors; j++) {
         torque[j] = at(tau, i, j);
@@ -26,6 +29,8 @@ static void run(int i, const rows &q, const rows &va, const rows &tau, const row
         impulse[j] = start.data && IS_FINITE(at(start, i, j)) ? at(start, i, j) : 0;
         force[j] = 0;
     }
+
+    /* the steps; y are the terms of the impulses, until the loops are closed again */
     closing(x, own, y);
     number det = y[nq];
     int bad = 0;
@@ -48,6 +53,8 @@ static void run(int i, const rows &q, const rows &va, const rows &tau, const row
         else if (!move_and_close(&bounds, own, h, x, y, ends, &det))
             bad = MODE;
     }
+
+    /* the results */
     give(x, q_out, i, nq, bad);
     give(x + nq, va_out, i, n, bad);
     give(force, contact_forces, i, 3 * robot.contacts, bad);
