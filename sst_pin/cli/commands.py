@@ -173,7 +173,7 @@ COMMANDS = (
     Command("robots", "robot_commands", "the names of the gallery, for --robot"),
 )
 #: Other words for commands, and what replaces commands that were removed.
-_MEANT = {
+_SUGGESTIONS = {
     **dict.fromkeys(("info", "mobility", "check"), "sst-pin validate"),
     "run": "sst-pin simulate",
     "gallery": "sst-pin robots",
@@ -197,7 +197,7 @@ def run(argv: Sequence[str] | None) -> int:
     name = next((word for word in typed if not word.startswith("-")), None)
     names = [command.name for command in COMMANDS]
     if name is not None and name not in names:
-        parser.exit(2, f"sst-pin: error: no command {name!r}; {_meant(name, names)}\n")
+        parser.exit(2, f"sst-pin: error: no command {name!r}; {_suggestion(name, names)}\n")
     arguments = parser.parse_args(typed)
     if name is None:
         print(parser.format_help(), end="")
@@ -220,10 +220,10 @@ def tell(kind: str, message: object) -> None:
     print(f"sst-pin: {kind}: {message}", file=sys.stderr)
 
 
-def _meant(name: str, names: Sequence[str]) -> str:
+def _suggestion(name: str, names: Sequence[str]) -> str:
     """A hint for a word that is not the name of a command."""
-    if name in _MEANT:
-        return f"did you mean {_MEANT[name]}?"
+    if name in _SUGGESTIONS:
+        return f"did you mean {_SUGGESTIONS[name]}?"
     if names_robot(name):
         return f"did you mean sst-pin validate {name}?"
     similar = get_close_matches(name, names, 1)

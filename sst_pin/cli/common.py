@@ -23,7 +23,7 @@ from ..sst.robot import SST
 from ..sst.star_tables import star_motion
 from . import ClosedStream
 from .commands import tell
-from .parser import gallery, misplaced
+from .parser import gallery, hint_for_robot
 
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
@@ -79,7 +79,7 @@ def sst_of(arguments: argparse.Namespace) -> SST:
 
 def source_of(path: Path) -> Path | BinaryIO:
     """A file, or standard input for `-`; refuses a robot."""
-    hint = misplaced([str(path)])
+    hint = hint_for_robot([str(path)])
     if hint:
         raise InputError(str(path), f"is a robot, not a table{hint}")
     return sys.stdin.buffer if str(path) == "-" else path
@@ -92,7 +92,7 @@ def require_extras(**packages: str) -> None:
         raise MissingExtraError(", ".join(missing.values()), ",".join(missing))
 
 
-def refuses(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
+def print_findings(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
     """Print warnings about a motion; True if the command must stop because of them."""
     for finding in findings:
         tell("error" if arguments.strict else "warning", finding)
@@ -125,6 +125,6 @@ def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
     write({arguments.output: motion.writer(name)}, arguments)
 
 
-def remark(motion: Trajectory) -> str:
+def early_end(motion: Trajectory) -> str:
     """Why a motion ended early, as the end of a line; empty if it did not."""
     return f"\n  {motion.stopped}" if motion.stopped else ""

@@ -30,7 +30,7 @@ def torques(arguments: argparse.Namespace) -> int:
     robot = common.robot_of(arguments)
     source = common.source_of(arguments.motion)
     motion = read_motion(robot.engine, source, common.table_reader(robot))
-    if common.refuses(robot.check_limits(motion), arguments):
+    if common.print_findings(robot.check_limits(motion), arguments):
         return 1
     common.save(motion, arguments)
     peaks = np.abs(motion.tau).max(axis=0)
@@ -56,11 +56,11 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
     motion = robot.simulate(tau, q0, va0, t)
-    if common.refuses(robot.check_limits(motion), arguments):
+    if common.print_findings(robot.check_limits(motion), arguments):
         return 1
     common.save(motion, arguments)
     text = f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}"
-    common.say(text + common.remark(motion), arguments)
+    common.say(text + common.early_end(motion), arguments)
     return CUT_SHORT if motion.stopped else 0
 
 
@@ -74,7 +74,7 @@ def plot(arguments: argparse.Namespace) -> int:
     motion = common.motion_of(robot, arguments.motion)
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
-    if common.refuses(robot.check_limits(motion), arguments):
+    if common.print_findings(robot.check_limits(motion), arguments):
         return 1
     figure = plots.motion_page(robot, motion, arguments.what, arguments.frame)
     common.write({arguments.output: plots.figure_writer(figure, name)}, arguments)
@@ -120,7 +120,7 @@ def show(arguments: argparse.Namespace) -> int:
             viewer.show(start_of(robot.engine))
         else:
             viewer.play(motion, speed=speed, ghost=ghost, title=title)
-        if common.refuses(viewer.warnings, arguments):
+        if common.print_findings(viewer.warnings, arguments):
             return 1
         if outputs:
             write_files({path: viewer.writer(path) for path in outputs}, arguments.force)

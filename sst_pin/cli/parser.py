@@ -70,7 +70,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
-        self.exit(2, f"{self.prog}: error: {message}{misplaced(self._words)}\n")
+        self.exit(2, f"{self.prog}: error: {message}{hint_for_robot(self._words)}\n")
 
 
 class _Help(argparse.RawDescriptionHelpFormatter):
@@ -97,7 +97,7 @@ def names_robot(word: str) -> bool:
     return word.lower().endswith(endings) or (word in gallery() and not Path(word).exists())
 
 
-def misplaced(words: Sequence[str]) -> str:
+def hint_for_robot(words: Sequence[str]) -> str:
     """A hint for an error message when a robot is given instead of another argument."""
     for before, word in zip(["", *words], words, strict=False):
         if before != "--robot" and names_robot(word):

@@ -35,7 +35,7 @@ def paper(arguments: argparse.Namespace) -> int:
     began = time.perf_counter()
     example = example_1(robot, t)
     seconds = time.perf_counter() - began
-    if common.refuses(robot.check_limits(example), arguments):
+    if common.print_findings(robot.check_limits(example), arguments):
         return 1
 
     # Example 1 and example 2, as lines of a table.
@@ -57,7 +57,7 @@ def paper(arguments: argparse.Namespace) -> int:
         seconds = time.perf_counter() - began
         errors = compare(robot, example, motion)
         text = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
-        text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
+        text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.early_end(motion)}"
         lines.append(text)
 
     # Motions and figures as files.

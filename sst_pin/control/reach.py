@@ -187,6 +187,7 @@ def reach_map(
     zero_rates = np.zeros(chain.degrees_of_freedom)
     # This call raises an ActuationError if the motors do not hold all coordinates.
     chain.compute_torques(q_start, zero_rates, zero_rates)
+    # A: the prescribed twist of the frame is A times the rates of the motors.
     A_start = _motion_by_motors(chain, q_start, frame, grid)
     _require_motion(A_start, grid)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..reading import Urdf, closed, parse_cuts
+from ..reading import Urdf, closed_robot, parse_cuts
 from ..reading.shapes import urdf_shapes
 from .colours import COLOURS, PART_COLOURS
 from .frames import MOTOR_NAMES
@@ -38,7 +38,7 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     """XML of an SST: the closed robot with its parts and sensors, keyframes q by name."""
     urdf = Urdf(urdf_of(p), "URDF")
     cuts = parse_cuts(yaml_of(p), "cuts")
-    sst = closed(urdf, cuts)
+    sst = closed_robot(urdf, cuts)
     document = closed_mjcf(sst.mechanism())
     document.add_keyframes(configurations)
     robot = document.root

@@ -42,7 +42,7 @@ from ..simulation.coordinate_motions import configurations_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
-from .geometry_measurements import Measurement, Poses, Sight, frames_of, unknown_frames
+from .geometry_measurements import FramePair, Measurement, Poses, frames_of, unknown_frames
 from .urdf_numbers import carriers_of, with_origins
 
 #: An error opens the loops if the joints leave a larger gap, free of units.
@@ -236,15 +236,15 @@ def calibrate_with(
 
     # The robot as drawn in the measured configurations, with a frame for what is unknown of each
     # measuring system.
-    drawn = [_configurations(chain, np.asarray(s.x, dtype=float), s.start) for s in systems]
-    machine, unknown = _with_systems(chain, systems, drawn)
-    all_drawn = np.concatenate(drawn)
+    q_of_systems = [_configurations(chain, np.asarray(s.x, dtype=float), s.start) for s in systems]
+    machine, unknown = _with_systems(chain, systems, q_of_systems)
+    q_of_all = np.concatenate(q_of_systems)
 
     # The enlarged robot has a joint for each error. Errors that open the loops are left out.
     errors = _errors_at(unknown)
     errors += _considered(machine, list(frames_of(systems)), which, urdf, unknown)
     large = _enlarged(machine, errors)
-    opening = _opening(large, errors, _without_errors(large, chain, all_drawn))
+    opening = _opening(large, errors, _without_errors(large, chain, q_of_all))
     if opening:
         if which is not None:
             problem = f"{listed(opening)}: each alone opens loops that no joint closes"
@@ -254,7 +254,7 @@ def calibrate_with(
 
     # The errors that the measurements show, and their values.
     fit = _Fit(large, names, systems, sizes)
-    q = _without_errors(large, chain, all_drawn)
+    q = _without_errors(large, chain, q_of_all)
     try:
         kinds = fit.linearized(q)
     except SingularConfigurationError:
@@ -293,7 +293,7 @@ def calibrate_with(
 
 
 def _with_systems(
-    chain: ClosedChain, systems: list[Measurement], drawn: list[Array]
+    chain: ClosedChain, systems: list[Measurement], q_of_systems: list[Array]
 ) -> tuple[ClosedChain, dict[str, str]]:
     """The robot with a frame for each unknown base and target of a measuring system.
 
@@ -301,7 +301,7 @@ def _with_systems(
     """
     model = pin.Model(chain.mechanism.model)
     carriers = dict[str, str]()
-    for system, q in zip(systems, drawn, strict=True):
+    for system, q in zip(systems, q_of_systems, strict=True):
         for name in unknown_frames(system):
             is_base = name == system.reference
             carrier = "universe" if is_base else system.frame
@@ -394,7 +394,7 @@ class _Fit:
         for system, q_of_system in zip(self._systems, np.split(q, self._starts), strict=True):
             place_a, J_a = self._frame(q_of_system, system.reference)
             place_b, J_b = self._frame(q_of_system, system.end)
-            rows_of_kinds = system.rows(Sight(a=place_a, b=place_b, J_a=J_a, J_b=J_b))
+            rows_of_kinds = system.rows(FramePair(a=place_a, b=place_b, J_a=J_a, J_b=J_b))
             noises = system.noises[: system.kinds]
             for rows, noise in zip(rows_of_kinds, noises, strict=True):
                 unit = 1.0 if rows.turns else length

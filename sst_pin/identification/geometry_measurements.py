@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Measurements from which a geometry is calibrated: poses, heights and distances.
 
-Each measurement compares a frame B of the robot with a reference frame A. Rows are differences
-from the measured values, and their derivatives by errors of the geometry.
+Each measurement compares a frame B of the robot with a reference frame A in N configurations. Its
+rows are the differences from the measured values, and their derivatives by errors of the geometry.
+Rows of one kind, positions or orientations, have the same unit and the same noise.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from ..loops.rows import skew
 _IN_A_ROW = 1e-8
 
 
-class Sight(NamedTuple):
+class FramePair(NamedTuple):
     """The two frames of a measurement in N configurations, and their derivatives by k errors.
 
     Attributes:
@@ -115,7 +116,7 @@ class Measurement(ABC):
         return 1
 
     @abstractmethod
-    def rows(self, sight: Sight) -> list[Rows]:
+    def rows(self, frames: FramePair) -> list[Rows]:
         """Rows of each kind, without values that were not measured."""
 
     def guess_of_base(self, b: Array) -> pin.SE3:
@@ -184,22 +185,22 @@ class Poses(Measurement):
         array = np.asarray(self.poses, dtype=float)
         return array if array.ndim == 2 else array[:, :3, 3]
 
-    def rows(self, sight: Sight) -> list[Rows]:
+    def rows(self, frames: FramePair) -> list[Rows]:
         """Rows of positions, then of orientations if there are any."""
-        p, J = sight.positions()
+        p, J = frames.positions()
         measured = self.measured_positions
         seen = np.isfinite(measured)
         kinds = [Rows((measured - p)[seen], J[seen])]
         array = np.asarray(self.poses, dtype=float)
         if array.ndim == 3:
             k = np.flatnonzero(np.isfinite(array[:, :3, :3]).all(axis=(1, 2)))
-            to_a = sight.a[k, :3, :3].mT
-            R = to_a @ sight.b[k, :3, :3]
+            to_a = frames.a[k, :3, :3].mT
+            R = to_a @ frames.b[k, :3, :3]
             # Rotation vectors from the computed to the measured orientations, in axes of A.
             z = []
             for computed, measured_R in zip(R, array[k, :3, :3], strict=True):
                 z.append(computed @ pin.log3(computed.T @ measured_R))
-            A = to_a @ (sight.J_b[k, 3:] - sight.J_a[k, 3:])
+            A = to_a @ (frames.J_b[k, 3:] - frames.J_a[k, 3:])
             kinds.append(Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), turns=True))
         return kinds
 
@@ -250,9 +251,9 @@ class Heights(Measurement):
             raise InputError("direction", "zero; a vector along the measured axis is needed")
         return size
 
-    def rows(self, sight: Sight) -> list[Rows]:
+    def rows(self, frames: FramePair) -> list[Rows]:
         """One kind: heights."""
-        p, J = sight.positions()
+        p, J = frames.positions()
         u = np.broadcast_to(np.asarray(self.direction, dtype=float), p.shape)
         u = u / np.linalg.norm(u, axis=1, keepdims=True)
         z = np.asarray(self.heights, dtype=float) - np.vecdot(u, p)
@@ -289,9 +290,9 @@ class Distances(Measurement):
             raise InputError("distances", "must be positive")
         return size
 
-    def rows(self, sight: Sight) -> list[Rows]:
+    def rows(self, frames: FramePair) -> list[Rows]:
         """One kind: distances."""
-        p, J = sight.positions()
+        p, J = frames.positions()
         lengths = np.linalg.norm(p, axis=1)
         z = np.asarray(self.distances, dtype=float) - lengths
         k = np.isfinite(z)

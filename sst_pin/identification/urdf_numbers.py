@@ -63,12 +63,12 @@ def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
     source = Urdf.read(urdf)
     root = source.root
     model = chain.mechanism.model
-    partly = _fix_locked(root, model)
+    partly_locked = _fix_locked(root, model)
     _put_bodies(root, model, str(urdf))
     _put_friction(root, chain)
     text = ET.tostring(root, encoding="unicode", xml_declaration=True)
-    lost = [f"{name} (lock it again)" for name in partly]
-    lost += _differences(chain, Urdf(text, str(urdf)), partly)
+    lost = [f"{name} (lock it again)" for name in partly_locked]
+    lost += _differences(chain, Urdf(text, str(urdf)), partly_locked)
     if lost:
         cure = f"write them into {Path(urdf).stem}.yaml beside it"
         warn_caller(f"a URDF cannot store {listed(lost)}; {cure}", DescriptionWarning)
@@ -119,11 +119,13 @@ def _common_value(values: Array) -> float:
     return float(values[0]) if np.ptp(values) == 0 else 0.0
 
 
-def _differences(chain: ClosedChain, urdf: Urdf, partly: Mapping[str, Sequence[str]]) -> list[str]:
+def _differences(
+    chain: ClosedChain, urdf: Urdf, partly_locked: Mapping[str, Sequence[str]]
+) -> list[str]:
     """Names of the parameters that a URDF, with the YAML beside it, gives other values.
 
-    `partly` has the joints of which single rates are locked, with their series in the model; these
-    have names of their own and are not compared.
+    `partly_locked` has the joints of which single rates are locked, with their series in the model;
+    these have names of their own and are not compared.
     """
     again = ClosedChain.from_description(_read_again(urdf)).dynamic_parameters
     values = dict(zip(again.names, again.values, strict=True))
@@ -131,7 +133,7 @@ def _differences(chain: ClosedChain, urdf: Urdf, partly: Mapping[str, Sequence[s
     kinds = np.array([name.rpartition(".")[2] for name in theta.names])
     joints = [name.rpartition(".")[0] for name in theta.names]
     parts = set[str]()
-    for series in partly.values():
+    for series in partly_locked.values():
         parts.update(series)
     lost = []
     for k, name in enumerate(theta.names):
@@ -212,7 +214,7 @@ def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
     of the model that are left of each.
     """
     links = _links_of(model)
-    partly = dict[str, list[str]]()
+    partly_locked = dict[str, list[str]]()
     for joint in root.findall("joint"):
         name = joint.get("name", "")
         series = _series(joint, model)
@@ -220,7 +222,7 @@ def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
         # Parts of partly locked joints are named by their rates, such as NAME_wx; those of
         # universal joints in the YAML come in pairs with capitals, NAME_X and NAME_Y.
         if suffixes and (len(series) == 1 or suffixes[0].islower()):
-            partly[name] = series
+            partly_locked[name] = series
         parent, child = _ends(joint, links)
         if series or joint.get("type") == "fixed" or parent is None or child is None:
             continue
@@ -229,7 +231,7 @@ def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
         pose = parent.placement.actInv(child.placement)
         if not _origin(joint).isApprox(pose, _ROUNDING):
             _set_origin(joint, pose)
-    return partly
+    return partly_locked
 
 
 def _series(joint: ET.Element, model: pin.Model) -> list[str]:

@@ -22,7 +22,7 @@ from .cuts import Cuts, parse_cuts
 from .inertia_checks import inertia_notes
 from .joint_numbers import LIMITS, put_numbers, springs_of, updated
 from .problems import Problem, warning
-from .robot_file import RobotFile, naming, warned
+from .robot_file import RobotFile, naming, warn_of
 from .shapes import urdf_shapes
 from .srdf import Srdf
 from .text import read_text
@@ -41,14 +41,15 @@ def read_urdf(
     """Read a robot as `ClosedChain.from_urdf`; warnings point to the caller of that method."""
     urdf = path if isinstance(path, Urdf) else Urdf.read(path, model)
     content = read_cuts(urdf, cuts, default)
-    robot = closed(urdf, content._replace(locked=(*content.locked, *names("locked", locked))))
+    robot = closed_robot(urdf, content._replace(locked=(*content.locked, *names("locked", locked))))
     notes = [*urdf.notices, *robot.notes]
     if actuated is not None:
         robot = robot._replace(actuated=actuated)
     elif robot.open_tree:
         notes.append(warning("closures", robot.open_tree))
     texts = (f"{problem.where}: {problem.text}" for problem in notes)
-    return warned(robot, [*texts, *inertia_notes(urdf.root)], urdf.source)
+    warn_of([*texts, *inertia_notes(urdf.root)], urdf.source)
+    return robot
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
@@ -77,7 +78,7 @@ def cuts_beside(urdf: Path) -> Path | None:
     return None
 
 
-def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
+def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     """The robot of a URDF and its cuts, with an SRDF beside the URDF.
 
     Its mimic joints are closures too. Without closures it is an open tree.
@@ -152,7 +153,7 @@ def _loops(model: pin.Model, cuts: Cuts, marks: Marks) -> tuple[Constraint, ...]
     if cuts.closures:
         return cuts.closures
     joints = cuts.hinges or marks.joints  # the YAML replaces what the URDF marks
-    return (*closing_frames(model), *(joint.closure(model) for joint in joints))
+    return (*closing_frames(model), *(joint.close(model) for joint in joints))
 
 
 def _open_tree_warning(name: str, has_motors: bool, has_followers: bool) -> str:

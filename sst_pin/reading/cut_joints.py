@@ -84,8 +84,8 @@ class CutJoint(NamedTuple):
     side_a: Side
     side_b: Side
 
-    def closure(self, model: pin.Model) -> Closure:
-        """The closure of this joint; its frames `name_A` and `name_B` are added to the tree."""
+    def close(self, model: pin.Model) -> Closure:
+        """Add the frames `name_A` and `name_B` of this joint to a tree; returns its closure."""
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         self._add_frame(model, data, f"{self.name}_A", self.side_a)

@@ -21,7 +21,7 @@ from .mjcf_numbers import impossible_numbers
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import unread
 from .problems import note, warning
-from .robot_file import RobotFile, naming, warned
+from .robot_file import RobotFile, naming, warn_of
 from .shapes import mjcf_shapes
 from .urdf import MOST_JOINTS
 
@@ -34,8 +34,8 @@ def read_mjcf(
 ) -> RobotFile:
     """Read a robot as `ClosedChain.from_mjcf`; warnings point to the caller of that method."""
     robot = robot_file_of(path, locked, actuated, contacts)
-    warnings = (problem.text for problem in robot.notes if problem.severity == "warning")
-    return warned(robot, warnings, robot.source)
+    warn_of([note.text for note in robot.notes if note.severity == "warning"], robot.source)
+    return robot
 
 
 def robot_file_of(

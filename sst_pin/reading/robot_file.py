@@ -81,8 +81,7 @@ def naming(source: str) -> Iterator[None]:
         raise
 
 
-def warned(robot: RobotFile, notes: Iterable[str], source: str) -> RobotFile:
-    """Warn of each note, pointing to the caller of the reader's caller; returns the robot."""
+def warn_of(notes: Iterable[str], source: str) -> None:
+    """Issue a warning for each note on a file, pointing to the caller outside the package."""
     for note in dict.fromkeys(notes):
         warn_caller(f"{source}: {note}", DescriptionWarning)
-    return robot

@@ -126,7 +126,7 @@ def _with_files_beside(urdf: reading.Urdf, cuts: Path | None) -> Report:
     try:
         content = reading.read_cuts(urdf, cuts)
         where = "file"
-        robot = reading.closed(urdf, content)
+        robot = reading.closed_robot(urdf, content)
     except SSTError as caught:
         if str(caught).startswith(srdf):  # errors begin with the file
             where = "srdf"

@@ -102,7 +102,10 @@ def body(
 
 
 class Tree:
-    """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies."""
+    """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies.
+
+    Each method adds a part or a number to the tree.
+    """
 
     def __init__(self, name: str) -> None:
         self.model = pin.Model()

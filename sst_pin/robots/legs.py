@@ -16,7 +16,7 @@ from ..arrays import Array
 from ..model.closures import Closure
 from .building_blocks import Tree, box, disc, rod
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .placements import HERE, shift, two_link, universal
+from .placements import HERE, shift, two_link, universal_angles
 
 _RY = pin.JointModelRY
 
@@ -60,7 +60,7 @@ class _Drive:
         tree.joint(f"rod_{self.name}", kind, bars, motor, shift((-self.crank, 0)))
         tree.frame(f"end_{self.name}", f"rod_{self.name}", (0, 0, -self.length))
 
-    def closure(self, tree: Tree) -> Closure:
+    def add_closure(self, tree: Tree) -> Closure:
         """Add the ball between the rod and the link."""
         tree.frame(f"lever_{self.name}", self.link, self.eye)
         return Closure(f"lever_{self.name}", f"end_{self.name}", "3d")
@@ -82,7 +82,7 @@ class _Drive:
         if self.is_planar:
             rod_angles = np.arctan2(z_axis[0], z_axis[2])
         else:
-            rod_angles = universal(z_axis)
+            rod_angles = universal_angles(z_axis)
         return {f"motor_{self.name}": motor, f"rod_{self.name}": rod_angles}
 
 
@@ -270,7 +270,7 @@ def _add_knee(
     """
     drive.add(tree, parent, at, rod_mass, rod_mass)
     tree.joint("knee", _RY(), rod(shank_mass, (0, 0, -shank), 0.03), parent, at)
-    return [drive.closure(tree)]
+    return [drive.add_closure(tree)]
 
 
 def _add_ankle(
@@ -297,7 +297,7 @@ def _add_ankle(
     foot = box(0.95 * foot_mass, edges, centre)
     tree.joint("ankle_roll", pin.JointModelRX(), foot, "ankle_pitch")
     tree.platform("ankle_roll")
-    return [drive.closure(tree) for drive in drives]
+    return [drive.add_closure(tree) for drive in drives]
 
 
 def _pitch_roll(pitch: float, roll: float = 0.0) -> Array:

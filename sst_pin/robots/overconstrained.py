@@ -10,7 +10,7 @@ from pinocchio.rpy import rpyToMatrix
 from ..model.closures import Closure
 from .building_blocks import Solids, Tree, arc, bar, box, rod
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .placements import HERE, angle_about_z, direction, planar, shift, turned_x
+from .placements import HERE, angle_about_z, angle_of, planar, rotated_about_x, shift
 
 _LEGS = (1, 2, 3)
 #: Angle between the diagonal of a cube and its edges, [rad].
@@ -97,7 +97,7 @@ def _spherical_3rrr(
     closures connect it with the wrists of legs 2 and 3. The payload is fixed to the platform.
     """
     tree = Tree(name)
-    quarter = turned_x(np.pi / 2)  # from one hinge of a leg to the next
+    quarter = rotated_about_x(np.pi / 2)  # from one hinge of a leg to the next
     thickness = 0.06 * radius
     # The body of the platform in the tree has the frame of wrist 1.
     platform = _wrist_on_platform(1).inverse()
@@ -131,7 +131,7 @@ def _spherical_joints(pose: pin.SE3) -> Joints:
     0).
     """
     joints: Joints = {}
-    quarter = turned_x(np.pi / 2).rotation
+    quarter = rotated_about_x(np.pi / 2).rotation
     for k in _LEGS:
         wrist = pose.rotation @ _wrist_on_platform(k).rotation
         R = _motor_on_base(k).rotation
@@ -190,8 +190,8 @@ def bennett(
     """
     coupler = crank * np.sin(coupler_twist) / np.sin(twist)
     # From the first pin of a bar to its second.
-    over_crank = shift((crank, 0)) * turned_x(twist)
-    over_coupler = shift((coupler, 0)) * turned_x(coupler_twist)
+    over_crank = shift((crank, 0)) * rotated_about_x(twist)
+    over_coupler = shift((coupler, 0)) * rotated_about_x(coupler_twist)
     crank_bar = bar(linear_density * crank, crank, radius)
     coupler_bar = bar(linear_density * coupler, coupler, radius)
     tree = Tree("bennett")
@@ -213,7 +213,7 @@ def bennett(
 
 def _bennett_joints(half_coupler: float, ratio: float, pose: pin.SE3) -> Joints:
     """Inverse kinematics: the pin of the crank is half a coupler behind the platform."""
-    crank = direction(pose.act(np.array([-half_coupler, 0, 0])))
+    crank = angle_of(pose.act(np.array([-half_coupler, 0, 0])))
     return {"crank": crank, "coupler": _coupler_angle(crank, ratio), "follower": -crank}
 
 

@@ -25,12 +25,12 @@ def planar(x: float, y: float, angle: float) -> pin.SE3:
     return pin.SE3(rpyToMatrix(0.0, 0.0, angle), np.array([x, y, 0.0]))
 
 
-def turned_x(angle: float) -> pin.SE3:
+def rotated_about_x(angle: float) -> pin.SE3:
     """A turn about x, [rad]."""
     return pin.SE3(rpyToMatrix(angle, 0.0, 0.0), np.zeros(3))
 
 
-def of_two_turns(x: float, y: float) -> Array:
+def rotation_x_then_y(x: float, y: float) -> Array:
     """Orientation by turns about x and then the moved y, shape (3, 3)."""
     return np.asarray(rpyToMatrix(x, 0.0, 0.0) @ rpyToMatrix(0.0, y, 0.0))
 
@@ -41,7 +41,7 @@ def circle(radius: float, angles: ArrayLike) -> Array:
     return radius * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
 
 
-def direction(vector: ArrayLike) -> float:
+def angle_of(vector: ArrayLike) -> float:
     """Angle of a planar vector from the x axis, [rad]; shape (2,) or longer."""
     x, y, *_ = np.asarray(vector, dtype=float)
     return float(np.arctan2(y, x))
@@ -49,7 +49,7 @@ def direction(vector: ArrayLike) -> float:
 
 def angle_about_z(R: Array) -> float:
     """Angle of a turn about z, [rad]; shape (3, 3)."""
-    return direction(R[:, 0])
+    return angle_of(R[:, 0])
 
 
 def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
@@ -65,7 +65,7 @@ def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tupl
     return float(in_one_turn(shoulder)), float(bend)
 
 
-def universal(vector: ArrayLike) -> tuple[float, float]:
+def universal_angles(vector: ArrayLike) -> tuple[float, float]:
     """Turns about x and then y that bring the z axis to a direction; shape (3,)."""
     x, y, z = np.asarray(vector, dtype=float)
     return float(np.arctan2(-y, z)), float(np.arctan2(x, np.hypot(y, z)))

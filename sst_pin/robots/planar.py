@@ -11,7 +11,7 @@ from ..arrays import Array, in_one_turn
 from ..model.closures import Closure
 from .building_blocks import Tree, bar, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .placements import UPRIGHT, angle_about_z, circle, direction, planar, shift, two_link
+from .placements import UPRIGHT, angle_about_z, angle_of, circle, planar, shift, two_link
 
 #: Lengths of the proximal and the distal link, [m].
 _Lengths = tuple[float, float]
@@ -72,8 +72,8 @@ def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3)
     pose = UPRIGHT.actInv(pose)
     crank_pin = pose.act(np.array([-point, 0, 0]))
     rocker_pin = pose.act(np.array([coupler - point, 0, 0]))
-    crank = direction(crank_pin)
-    rocker = direction(rocker_pin - (ground, 0, 0))
+    crank = angle_of(crank_pin)
+    rocker = angle_of(rocker_pin - (ground, 0, 0))
     turn = float(in_one_turn(angle_about_z(pose.rotation) - crank))
     return {"crank": crank, "coupler": turn, "rocker": rocker}
 

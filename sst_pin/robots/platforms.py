@@ -14,7 +14,7 @@ from ..arrays import Array, single_array
 from ..model.closures import Closure
 from .building_blocks import Tree, bar, box, disc, rod, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .placements import circle, of_two_turns, planar, shift, two_link, universal
+from .placements import circle, planar, rotation_x_then_y, shift, two_link, universal_angles
 
 _X, _Y, _ = np.eye(3)
 
@@ -113,7 +113,10 @@ def _ups_pu_joints(
     post: float, base: Array, vertices: Array, retracted: float, pose: pin.SE3
 ) -> Joints:
     """Inverse kinematics: the universal joint turns about x and then y."""
-    post_joints = {"post": pose.translation[2] - post, "platform": universal(pose.rotation[:, 2])}
+    post_joints = {
+        "post": pose.translation[2] - post,
+        "platform": universal_angles(pose.rotation[:, 2]),
+    }
     return post_joints | _strut_joints(base, vertices, retracted, pose)
 
 
@@ -174,7 +177,7 @@ def _hexaglide_joints(rails: Array, vertices: Array, strut: float, pose: pin.SE3
         dx, dy, dz = pose.act(vertex) - (0, y, 0)
         along_rail = side * np.sqrt(strut**2 - dy**2 - dz**2)
         joints[f"carriage_{k}"] = dx + along_rail
-        joints[f"strut_{k}"] = universal((-along_rail, dy, dz))
+        joints[f"strut_{k}"] = universal_angles((-along_rail, dy, dz))
     return joints
 
 
@@ -226,7 +229,7 @@ def _strut_joints(base: Array, vertices: Array, retracted: float, pose: pin.SE3)
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         reach = pose.act(vertex) - foot
-        joints[f"universal_{k}"] = universal(reach)
+        joints[f"universal_{k}"] = universal_angles(reach)
         joints[f"stroke_{k}"] = np.linalg.norm(reach) - retracted
     return joints
 
@@ -312,6 +315,6 @@ def _delta_joints(radii: tuple[float, float], arm: float, forearm: float, pose: 
         joints[f"rod_{k}a"] = (about_x, about_y)
         joints[f"rod_{k}b"] = (about_x, about_y)
         if k == 1:  # the ball at the end of rod_1a turns the platform back
-            R_rod = R_arm @ of_two_turns(about_x, about_y)
+            R_rod = R_arm @ rotation_x_then_y(about_x, about_y)
             joints["ball"] = pin.Quaternion(R_rod.T).coeffs()
     return joints

@@ -14,7 +14,7 @@ from ..arrays import Array
 from ..model.closures import Closure
 from .building_blocks import Tree, body, box
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .placements import HERE, of_two_turns, shift
+from .placements import HERE, rotation_x_then_y, shift
 
 _RX = pin.JointModelRX
 _RY = pin.JointModelRY
@@ -101,7 +101,7 @@ def slider_crank() -> GalleryRobot:
     tree.frame("tip", "crank", tip)
     tree.platform("rod", end)
     about_x, about_y = _rod_turns(_CRANK + tip, 0.2)
-    home = of_two_turns(about_x, about_y)
+    home = rotation_x_then_y(about_x, about_y)
     ball = [Closure("tip", "platform", "3d")]
     return GalleryRobot(tree, ball, ["crank"], _slider_crank_joints, pin.SE3(home, _CRANK + tip))
 

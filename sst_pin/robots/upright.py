@@ -11,7 +11,7 @@ from ..arrays import in_one_turn, whole_number
 from ..model.closures import Closure
 from .building_blocks import Tree, bar, box, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
-from .placements import HERE, UPRIGHT, angle_about_z, direction, planar, shift, two_link
+from .placements import HERE, UPRIGHT, angle_about_z, angle_of, planar, shift, two_link
 
 
 @of_dimensions
@@ -133,7 +133,7 @@ class _Cylinder:
         tree.joint(stroke, pin.JointModelPX(), piston, barrel_joint, shift((self.retracted, 0)))
         tree.frame(f"{self.name}_eye", stroke, (0, 0))
 
-    def closure(self, tree: Tree) -> Closure:
+    def add_closure(self, tree: Tree) -> Closure:
         """Add the lug on the driven body, and pin the end of the rod to it."""
         tree.frame(f"{self.name}_lug", self.driven, self.lug)
         return Closure(f"{self.name}_lug", f"{self.name}_eye", "3d")
@@ -142,7 +142,7 @@ class _Cylinder:
         """Angle of the barrel and stroke, for a placement of the driven body in the carrier."""
         from_foot_to_lug = driven_in_carrier.act(np.array([*self.lug, 0])) - (*self.foot, 0)
         return {
-            f"{self.name}_barrel": direction(from_foot_to_lug),
+            f"{self.name}_barrel": angle_of(from_foot_to_lug),
             f"{self.name}_stroke": float(np.linalg.norm(from_foot_to_lug)) - self.retracted,
         }
 
@@ -173,7 +173,7 @@ class _ExcavatorArm:
     def joints(self, pose: pin.SE3) -> Joints:
         """Inverse kinematics in closed form: all joints for a pose of the bucket's tip."""
         # The swing turns the plane of the arm to the tip; then all is planar.
-        swing = direction(pose.translation)
+        swing = angle_of(pose.translation)
         tip = (planar(0, 0, swing) * UPRIGHT * shift(self.boom_pin)).actInv(pose)
         # Boom and arm are a two-link arm to the pin of the bucket; the bucket has the rest.
         bucket_pin = tip.act(np.array([-self.bucket, 0, 0]))
@@ -282,7 +282,7 @@ def excavator(
     tree.hinge("bucket", bar(bucket_mass, bucket, 0.08), "arm", shift((arm, 0)))
     tree.hinge("rocker", bar(link_mass, rocker, 0.03), "arm", shift(geometry.rocker_pin))
     tree.hinge("link", bar(link_mass, link, 0.03), "rocker", shift((rocker, 0)))
-    closures = [cylinder.closure(tree) for cylinder in cylinders]
+    closures = [cylinder.add_closure(tree) for cylinder in cylinders]
     tree.platform("bucket", (bucket, 0))
     tree.frame("end_of_link", "link", (link, 0))
     tree.frame("pin_of_bucket", "bucket", geometry.link_pin)

@@ -28,7 +28,7 @@ from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_named
-from ..reading import RobotFile, Urdf, closed, parse_cuts, read_urdf
+from ..reading import RobotFile, Urdf, closed_robot, parse_cuts, read_urdf
 from ..simulation.check import Finding
 from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
@@ -72,7 +72,7 @@ def _description_of(parameters: Parameters) -> RobotFile:
     """The description of an SST with these parameters; its shapes are made when needed."""
     urdf = Urdf(urdf_of(parameters, shapes=False), "URDF of the parameters")
     cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
-    return closed(urdf, cuts)._replace(shapes=partial(star_appearance.shapes_of, parameters))
+    return closed_robot(urdf, cuts)._replace(shapes=partial(star_appearance.shapes_of, parameters))
 
 
 def _require_sst(description: RobotFile) -> None:

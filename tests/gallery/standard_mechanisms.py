@@ -15,7 +15,7 @@ from sst_pin.model.closures import Closure
 from sst_pin.model.lines import LineForce
 from sst_pin.robots.building_blocks import Solid, Tree, body, box
 from sst_pin.robots.gallery_robot import GalleryRobot, Joints
-from sst_pin.robots.placements import angle_about_z, direction, planar, shift, two_link
+from sst_pin.robots.placements import angle_about_z, angle_of, planar, shift, two_link
 
 _ALONG_Y = np.array([0.0, -9.81, 0.0])
 
@@ -47,7 +47,7 @@ def n_four_bar(loops: int = 2) -> GalleryRobot:
 
 
 def _n_four_bar_joints(loops: int, pose: pin.SE3) -> Joints:
-    lean = direction(pose.translation)
+    lean = angle_of(pose.translation)
     links: Joints = {f"link_{k}": -lean for k in range(1, loops + 1)}
     return links | {f"bar_{k}": lean for k in range(loops + 1)}
 
@@ -94,7 +94,7 @@ def andrews() -> GalleryRobot:
 
 def _andrews_joints(pose: pin.SE3) -> Joints:
     tip = pose.translation
-    beta, gamma = direction(pose.act(np.array([_D, 0, 0]))), direction(tip[:2] - _B) + np.pi / 2
+    beta, gamma = angle_of(pose.act(np.array([_D, 0, 0]))), angle_of(tip[:2] - _B) + np.pi / 2
     delta, bend = two_link(tip[:2] - _A, _ZT, _E, -1)
     epsilon, knee = two_link(tip[:2] - _A, _U, _ZF, 1)
     return {
