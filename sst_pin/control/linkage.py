@@ -111,6 +111,7 @@ class Linkage:
         first = self._start(start)
 
         def one(x: Array) -> Array:
+            """The configuration for one set of positions of the joints."""
             return self._with_joints_moved(first, x - self.joint_positions(first))
 
         targets = finite_array("positions", positions, (len(self.joints),))
@@ -131,6 +132,7 @@ class Linkage:
         in_joints = self._motors_in_joints
 
         def one(target: Array) -> Array:
+            """The configuration for one set of positions of the motors."""
             gap = self._distance_to(first, target)
             if in_joints is None:
                 q = self._by_joints(first, gap)

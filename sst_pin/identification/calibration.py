@@ -240,7 +240,7 @@ def calibrate_with(
     machine, unknown = _with_systems(chain, systems, q_of_systems)
     q_of_all = np.concatenate(q_of_systems)
 
-    # The enlarged robot has a joint for each error. Errors that open the loops are left out.
+    # The enlarged robot has a joint for each error.
     errors = _errors_at(unknown)
     errors += _considered(machine, list(frames_of(systems)), which, urdf, unknown)
     large = _enlarged(machine, errors)

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reads an SDF as the elements of a URDF."""
+"""Reads an SDF as the elements of a URDF.
+
+An `Sdf` is one model of the file. Its constructor checks what cannot be read and notes what is not;
+`graph` writes the model as links, joints and frames of a URDF. `sdf_frames` has the poses.
+"""
 
 import re
 import xml.etree.ElementTree as ET

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from .tree_motion import MovingRobot, PinocchioTree, Tree, consistent, free_motions
+from .tree_motion import MovingRobot, PinocchioTree, Tree, free_motions, solution_of
 
 
 class LagrangeMultipliers:
@@ -27,7 +27,7 @@ class LagrangeMultipliers:
         """The forces along the coordinates that a motion needs, shape (n,)."""
         robot = self._moving(q, va)
         system = np.vstack([robot.Phi, self._mechanism.selection])
-        return consistent(system.T, self._needed(robot, aa))[len(robot.Phi) :]
+        return solution_of(system.T, self._needed(robot, aa))[len(robot.Phi) :]
 
     def torques(self, q: Array, va: Array, aa: Array, loads: Array | None = None) -> Array:
         """The smallest motor torques of a motion, shape (motors,).
@@ -37,9 +37,9 @@ class LagrangeMultipliers:
         """
         robot = self._moving(q, va)
         needed = self._needed(robot, aa) - (0 if loads is None else loads)
-        # needed = B tau + Phi^T multipliers, and Phi free^T = 0.
-        free = free_motions(robot.Phi)
-        return consistent(free @ robot.B, free @ needed)
+        # needed = B tau + Phi^T multipliers. Motions N that keep the loops closed have N Phi^T = 0.
+        N = free_motions(robot.Phi)
+        return solution_of(N @ robot.B, N @ needed)
 
     def accelerations(self, q: Array, va: Array, tau: Array) -> Array:
         """Direct dynamics: accelerations of the coordinates, shape (n,)."""
@@ -59,7 +59,7 @@ class LagrangeMultipliers:
         rows = len(robot.Phi)
         unit = np.abs(M).max()
         system = np.block([[M / unit, robot.Phi.T], [robot.Phi, np.zeros((rows, rows))]])
-        dv = consistent(system, np.concatenate([force / unit, -robot.drift]))[:nv]
+        dv = solution_of(system, np.concatenate([force / unit, -robot.drift]))[:nv]
         return self._mechanism.selection @ dv
 
     def _moving(self, q: Array, va: Array) -> MovingRobot:
@@ -68,5 +68,5 @@ class LagrangeMultipliers:
 
     def _needed(self, robot: MovingRobot, aa: Array) -> Array:
         """The forces of motors and closures on the joints, shape (nv,)."""
-        dv = robot.completed(aa, -robot.drift)
+        dv = robot.joint_rates(aa, -robot.drift)
         return self._tree.forces(dv) + robot.line_inertia @ dv - robot.applied

@@ -76,18 +76,23 @@ class MovingRobot:
     """
 
     def __init__(self, mechanism: Mechanism, tree: Tree, q: Array, va: Array) -> None:
+        # The closures, first at rest: Phi gives the rates v, and v gives Phi_dot v.
         self.mechanism = mechanism
         zero = np.zeros(mechanism.model.nv)
         tree.move(q, zero)
         self.Phi, _ = closure_rows(mechanism, tree.frame, q, zero)
-        self.v = self.completed(va, np.zeros(len(self.Phi)))
+        self.v = self.joint_rates(va, np.zeros(len(self.Phi)))
         tree.move(q, self.v)
         _, self.drift = closure_rows(mechanism, tree.frame, q, self.v)
+
+        # Forces of friction and springs of joints.
         friction = mechanism.friction
         springs = mechanism.springs
         self.B = mechanism.actuation
         force = -friction.viscous * self.v - friction.coulomb * np.sign(self.v)
         force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
+
+        # Forces along lines.
         self.line_inertia = np.zeros((mechanism.model.nv, mechanism.model.nv))
         for line, shares in zip(mechanism.lines.forces, mechanism.lines.actuation, strict=True):
             a = tree.frame(line.frame_a)
@@ -100,24 +105,31 @@ class MovingRobot:
             if not (line.pulls_only and tension < 0):
                 force -= tension * row
             self.B = self.B + np.outer(row, shares)
+            # The mass of the line has the acceleration row v_dot + drift.
             d_dot = (b.twist - a.twist)[:3]
-            d_ddot = (b.drift - a.drift)[:3]  # but for v_dot
+            d_ddot = (b.drift - a.drift)[:3]  # as if v were constant
             drift = (d_dot @ d_dot + d @ d_ddot) / length - (d @ d_dot) ** 2 / length**3
             force -= line.mass * drift * row
             self.line_inertia += line.mass * np.outer(row, row)
         self.applied = force
 
-    def completed(self, rates: Array, closing: Array) -> Array:
-        """Rates v of all joints, shape (nv,), from rates of the coordinates and Phi v."""
+    def joint_rates(self, rates: Array, Phi_v: Array) -> Array:
+        """Rates v of all joints, shape (nv,), from rates of the coordinates and Phi v.
+
+        For accelerations dv in place of rates, Phi dv = -Phi_dot v.
+        """
         system = np.vstack([self.Phi, self.mechanism.selection])
-        return consistent(system, np.concatenate([closing, rates]))
+        return solution_of(system, np.concatenate([Phi_v, rates]))
 
 
-def consistent(system: Array, right: Array) -> Array:
-    """Solution of a consistent system with redundant rows or columns, refined once."""
+def solution_of(system: Array, right: Array) -> Array:
+    """The solution of a consistent system with redundant rows or columns.
+
+    A second solution, for the residual of the first, removes its rounding.
+    """
     solution = np.linalg.lstsq(system, right, rcond=REDUNDANT)[0]
-    left_over = right - system @ solution
-    solution = solution + np.linalg.lstsq(system, left_over, rcond=REDUNDANT)[0]
+    residual = right - system @ solution
+    solution = solution + np.linalg.lstsq(system, residual, rcond=REDUNDANT)[0]
     return np.asarray(solution, dtype=np.float64)
 
 

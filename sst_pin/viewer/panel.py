@@ -109,18 +109,27 @@ def forces_of(names: Sequence[str], forces: Array, unique: Flags) -> dict[str, A
 
 
 def _set(
-    called: str,
-    whose: str,
+    name: str,
+    caption: str,
     names: Sequence[str],
     owners: Sequence[str],
     units: Sequence[str],
     values: Array,
 ) -> dict[str, Any]:
-    """Curves, each with a name, a joint and a unit; the entry "what" is the caption."""
+    """A set of curves over time, as `chart.js` expects it.
+
+    Args:
+        name: Name of the set, by which the page finds it.
+        caption: First words of the caption, before the kinds and units of the curves.
+        names: Labels of the curves.
+        owners: Motors, joints or closures that the curves are about.
+        units: Units of the curves.
+        values: Shape (n, curves).
+    """
     kinds = ", ".join(f"{_WORDS[unit]} ({unit})" for unit in dict.fromkeys(units))
     return {
-        "called": called,
-        "what": whose + kinds,
+        "called": name,
+        "what": caption + kinds,
         "names": list(names),
         "owners": list(owners),
         "units": list(units),

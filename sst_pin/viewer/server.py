@@ -94,6 +94,7 @@ class Server:
 
         class Socket(Ours, tornado.websocket.WebSocketHandler):
             def open(self, *_: str, **__: str) -> None:
+                """Bring a new page up to date."""
                 sender = PageSender(self, state)
                 server._pages[self] = sender
                 sender.send_state()
@@ -166,6 +167,7 @@ class PageSender:
         self._unread += size
 
         def when_read(result: Any) -> None:
+            """The page has read the message, or has closed."""
             self._unread -= size
             failed = result.cancelled() or result.exception() is not None  # the page has closed
             if self._has_dropped and not self._unread and not failed:
