@@ -38,7 +38,9 @@ _STILL = 1e-8
 class MotorLimits:
     """Limits of the motors, and the parts of them that a motion takes, from -1 to 1.
 
-    With surplus motors, `factors` gives the sums of parts that do not depend on the preload.
+    There are k parts: one for the torque of each motor if torques have limits, then one for the
+    acceleration of each motor if accelerations have limits. With surplus motors, `factors` gives
+    the sums of parts that do not depend on the preload.
     """
 
     def __init__(
@@ -140,18 +142,18 @@ class MotorLimits:
 
 
 class Parts(NamedTuple):
-    """Parts of the limits at N points of a path; the motion keeps them if no sum exceeds 1.
+    """What a motion uses of its limits at N points of a path.
 
-    Each limit has two columns, k together: for the largest and, with the opposite sign, for the
-    least part.
+    Each sum of parts has two columns, together 2 sums: the sum itself and its opposite, so that
+    both ends of its range are 1. The motion keeps its limits if no column exceeds 1.
     """
 
-    #: Shapes (N, k); see the module.
+    #: Shapes (N, 2 sums); see the module.
     a: Array
     b: Array
     c: Array
     d: Array
-    #: The largest Coulomb friction in the direction of each column, shape (N, k). Its sign is
+    #: The largest Coulomb friction in each column, shape (N, 2 sums). Its sign is
     #: unknown where a joint is at rest, so the two directions differ.
     dry: Array
     #: The largest w by the limits of rates, shape (N,).
@@ -214,13 +216,13 @@ class PathForces:
 
 
 def _coulomb(rates: Array, dry: Array) -> tuple[Array, Array]:
-    """Least and largest parts of Coulomb friction at N points of a path, shape (N, k).
+    """Least and largest sums of Coulomb friction at N points of a path, shape (N, sums).
 
     The friction of a moving joint follows its rate; that of a resting joint has either sign.
 
     Args:
         rates: Rates of the joints by s, free of units, shape (N, nv).
-        dry: Parts by joint where the joint moves forward, shape (N, k, nv).
+        dry: Sums by joint where the joint moves forward, shape (N, sums, nv).
     """
     moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
     moving = np.einsum("ikj,ij->ik", dry, np.sign(rates) * moves)

@@ -87,11 +87,10 @@ def without_outliers(log: Array, positions: int, cutoff: float) -> CleanedLog:
 
 def _medians(deviations: Array, parts: int) -> Array:
     """The median of each column in each part of the samples, repeated for all its samples."""
-    medians = [
-        np.broadcast_to(np.median(part, axis=0), part.shape)
-        for part in np.array_split(deviations, parts)
-    ]
-    return np.vstack(medians)
+    medians = np.empty(deviations.shape)
+    for rows in np.array_split(np.arange(len(deviations)), parts):
+        medians[rows] = np.median(deviations[rows], axis=0)
+    return medians
 
 
 #: Largest fraction of the samples that may be outliers; more would spoil the smooth curve.

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Joints that close loops, as other tools write them into a URDF.
 
-GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a `<joint>` in
+A URDF is a tree, so that a loop is cut at one of its joints. Several tools have elements for such
+joints: GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a `<joint>` in
 `<gazebo>`, Drake `<drake:ball_constraint>`; `<constraint>` is proposed for urdfdom (ros/urdfdom
 pull request 264).
 """
@@ -54,6 +55,7 @@ _KINDS = {
     "planar": "planar",
 }
 _X, _Y, _Z = np.eye(3)
+#: Drake's element for a ball that closes a loop.
 _BALL = "drake:ball_constraint"
 
 

@@ -82,10 +82,10 @@ def _joint_problems(compiled: Compiled) -> Iterator[str]:
         has_friction = mj.dof_frictionloss[dof] and not compiled.disabled("frictionloss")
         is_ball = mj.jnt_type[joint] == BALL
         if mj.jnt_type[joint] == FREE:
-            forces = listed(compiled.forces_of_free_joint(joint))
-            if forces == "none":
+            forces = compiled.forces_of_free_joint(joint)
+            if not forces:
                 continue
-            what = f"joint {name}: a free joint with {forces}"
+            what = f"joint {name}: a free joint with {listed(forces)}"
             if compiled.locked_rates(joint):
                 yield f"{what}, locked in part; use <freejoint> without these"
             else:
