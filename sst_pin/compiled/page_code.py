@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A robot's functions as JavaScript, for a page that computes without a server.
 
-`c_code` writes the statements in C; they are translated here.
+`c_statements` writes the statements in C; they are translated here.
 """
 
 import json
@@ -25,7 +25,7 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import WELL_CONDITIONED
 from ..progress import announced
 from ..states import StateSpace
-from . import c_code, kernels, statements
+from . import c_statements, kernels, statements
 from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import sample_configurations
@@ -234,10 +234,12 @@ def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> Sy
 
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     """The functions of a kernel, whose names begin with `name`, and their description."""
-    writer = c_code.written(kernel)
+    writer = c_statements.written(kernel)
     lines = {kind: list(map(_in_javascript, of_kind)) for kind, of_kind in writer.lines.items()}
-    parts, room = statements.in_parts(statements.pieces(lines[c_code.ONCE], _LARGEST))
-    texts = [statements.function(f"function {name}_constants(p)", lines[c_code.NUMBER])]
+    parts, room = statements.in_parts(statements.pieces(lines[c_statements.OF_SAMPLE], _LARGEST))
+    texts = [
+        statements.function(f"function {name}_constants(p)", lines[c_statements.OF_PARAMETERS])
+    ]
     for k, part in enumerate(parts):
         texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", part))
     sizes: dict[str, Any] = {"inputs": [x.numel() for x in kernel.inputs.values()]}

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The statements of a kernel in C: one for each operation of its CasADi function.
+
+Arrays of the statements:
+
+    x   the inputs of the sample, one after the other
+    p   the symbolic parameters, then constants that are computed from them alone
+    y   the results, then the checks
+    d   in a pass, the direction: a rate for each coordinate of the pass
+    o   in a pass, the array y of the function that runs once for the sample
+
+What depends on parameters only is computed once for all samples, and what depends on the sample
+only is computed once for all directions. So each expression is written into the statements of what
+it *depends on*:
+
+    OF_PARAMETERS   the parameters alone
+    OF_SAMPLE       the sample, too
+    k = 0, 1, ...   the direction of pass k, too
+
+Where statements need an expression of an earlier sort, that one is stored: constants at the end of
+p, expressions of the sample at the end of y.
+"""
+
+from math import isfinite
+from typing import NamedTuple
+
+import casadi as ca
+from casadi import SX
+
+from ..model.thresholds import AT_REST
+from .kernels import SymbolicKernel
+from .symbolic_parameters import SIGN_WIDTH
+
+OF_PARAMETERS = -2
+OF_SAMPLE = -1
+
+#: Arguments of the sign function after the rate: its width, and the rate below which a joint rests.
+_SIGN_ARGUMENTS = f"p[{SIGN_WIDTH}], N({AT_REST})"
+#: C of each operation; {0} and {1} are its operands.
+_FORMS = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_LE: "AT_MOST({0}, {1})",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_FABS: "ABSOLUTE({0})",
+    ca.OP_SQRT: "SQUARE_ROOT({0})",
+    ca.OP_TANH: "tangent({0})",
+}
+#: Other forms for expressions of the parameters, which are scalars.
+_FORMS_OF_SCALARS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
+
+
+class Expression(NamedTuple):
+    """An expression in C."""
+
+    #: The name of a result of a statement, an entry of an array, or a literal.
+    text: str
+    depends_on: int
+
+    @property
+    def is_result(self) -> bool:
+        """Whether it is a result of a statement; their names begin with t, s or c."""
+        return self.text[0] in "tsc"
+
+
+def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> "Writer":
+    """The statements of a kernel.
+
+    Args:
+        kernel: The kernel.
+        size: Size of p before the constants of this kernel; that of the parameters by default.
+        suffix: The suffix of literals, "f" in single precision.
+    """
+    # The CasADi function: inputs are x, p, and the direction of each pass; outputs are y of the
+    # function that runs once, then y of each pass.
+    inputs = [ca.vertcat(*kernel.inputs.values()), kernel.parameters]
+    passes = []
+    factors = SX(0, 1)
+    if kernel.along is not None:
+        passes = kernel.along.passes
+        if kernel.along.solution is not None:
+            factors = kernel.along.solution.factors
+    outputs = [ca.vertcat(kernel.output, factors, kernel.checks)]
+    for part in passes:
+        inputs.append(part.direction)
+        outputs.append(ca.vertcat(part.results, part.checks))
+    function = ca.Function(kernel.name, inputs, list(map(ca.densify, outputs)), {"cse": True})
+
+    writer = Writer(size or kernel.parameters.numel(), outputs[0].numel(), len(passes))
+    # An instruction reads and writes entries of a work array; each holds an expression.
+    work = dict[int, Expression]()
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        arguments = function.instruction_input(k)
+        if operation == ca.OP_OUTPUT:
+            output, entry = function.instruction_output(k)
+            writer.store(entry, work[arguments[0]], in_function=output - 1)
+            continue
+        (target,) = function.instruction_output(k)
+        if operation == ca.OP_CONST:
+            work[target] = _literal(float(function.instruction_constant(k)), suffix)
+        elif operation == ca.OP_INPUT:
+            work[target] = _input(*arguments)
+        else:
+            work[target] = writer.write(f"t{k}", operation, [work[i] for i in arguments])
+    return writer
+
+
+def _input(number: int, entry: int) -> Expression:
+    """An entry of an input of the CasADi function: of x, p, or the direction of a pass."""
+    if number == 0:
+        return Expression(f"x[{entry}]", OF_SAMPLE)
+    if number == 1:
+        return Expression(f"p[{entry}]", OF_PARAMETERS)
+    return Expression(f"d[{entry}]", number - 2)
+
+
+def _literal(x: float, suffix: str) -> Expression:
+    """A number in C; infinity and NaN too, as those of a robot without mass."""
+    infinity = "1e308 * 1e308"
+    if suffix:  # single precision
+        infinity = f"1e38{suffix} * 1e38{suffix}"
+    if isfinite(x):
+        text = repr(x) + suffix
+        if text[0] == "-":
+            text = f"({text})"
+    elif x > 0:
+        text = f"({infinity})"
+    elif x < 0:
+        text = f"(-({infinity}))"
+    else:  # NaN
+        text = f"(0 * ({infinity}))"
+    return Expression(text, OF_PARAMETERS)
+
+
+class Writer:
+    """Writes statements, sorted by what they depend on.
+
+    Args:
+        size: Number of symbolic parameters.
+        room: Number of results and checks that are computed once.
+        passes: Number of passes along directions.
+
+    Attributes:
+        lines: The statements of each sort.
+        size: Size of p, the constants included.
+        room: Size of y, with the expressions that passes use.
+    """
+
+    def __init__(self, size: int, room: int, passes: int = 0) -> None:
+        self.lines: dict[int, list[str]] = {sort: [] for sort in range(OF_PARAMETERS, passes)}
+        self.size = size
+        self.room = room
+        #: Where results that depend on parameters only are stored in p, by name.
+        self._in_p: dict[str, str] = {}
+        #: Where results that passes use are stored in y, by name.
+        self._in_y: dict[str, str] = {}
+        #: Numbers of pairs of sine and cosine, by the angle.
+        self._angles: dict[str, int] = {}
+        #: Reciprocals of expressions.
+        self._inverses: dict[Expression, Expression] = {}
+        #: The arguments of signs that are not written yet, by the name of the sign. A sign times a
+        #: constant (Coulomb friction) becomes one operation; other uses write the sign first.
+        self._pending_signs: dict[str, str] = {}
+
+    def store(self, entry: int, result: Expression, in_function: int) -> None:
+        """Write an entry of the y of a function: `OF_SAMPLE`, or the number of a pass."""
+        text = self._text(result, in_function)
+        self.lines[in_function].append(f"y[{entry}] = REAL({text});")
+
+    def write(self, name: str, operation: int, operands: list[Expression]) -> Expression:
+        """Write one operation, whose result gets a name."""
+        if operation == ca.OP_INV:
+            return self._inverse(operands[0])
+        if operation == ca.OP_DIV:
+            operation = ca.OP_MUL
+            operands = [operands[0], self._inverse(operands[1])]
+        depends_on = max(operand.depends_on for operand in operands)
+        lines = self.lines[depends_on]
+        if operation == ca.OP_SIGN:
+            self._pending_signs[name] = self._text(operands[0], depends_on)
+            return Expression(name, depends_on)
+        if operation == ca.OP_MUL and self._write_friction(name, operands):
+            return Expression(name, depends_on)
+        texts = [self._text(operand, depends_on) for operand in operands]
+        if operation in (ca.OP_SIN, ca.OP_COS):
+            angle = texts[0]
+            k = self._angles.setdefault(angle, len(self._angles))
+            line = f"real s{k}, c{k}; sines_cosines(1, &{angle}, &s{k}, &c{k});"
+            if line not in lines:
+                lines.append(line)
+            letter = "s" if operation == ca.OP_SIN else "c"
+            return Expression(f"{letter}{k}", depends_on)
+        form = _FORMS[operation]
+        if depends_on == OF_PARAMETERS:
+            form = _FORMS_OF_SCALARS.get(operation, form)
+        lines.append(f"const {_type(depends_on)} {name} = {form.format(*texts)};")
+        return Expression(name, depends_on)
+
+    def _write_friction(self, name: str, operands: list[Expression]) -> bool:
+        """Write the product of a pending sign and a constant; False if it is another product."""
+        depends_on = max(operand.depends_on for operand in operands)
+        if depends_on == OF_PARAMETERS:
+            return False
+        first, second = operands
+        for sign, factor in ((first, second), (second, first)):
+            if sign.text in self._pending_signs and factor.depends_on == OF_PARAMETERS:
+                rate = self._pending_signs[sign.text]
+                force = self._text(factor, depends_on)
+                call = f"rubbing({rate}, {force}, {_SIGN_ARGUMENTS})"
+                self.lines[depends_on].append(f"const real {name} = {call};")
+                return True
+        return False
+
+    def _inverse(self, x: Expression) -> Expression:
+        """The reciprocal: divisions are slow, and many have the same divisor."""
+        if x not in self._inverses:
+            inverse = Expression(f"ti{len(self._inverses)}", x.depends_on)
+            self._inverses[x] = inverse
+            self.lines[x.depends_on].append(
+                f"const {_type(x.depends_on)} {inverse.text} = 1 / {x.text};"
+            )
+        return self._inverses[x]
+
+    def _text(self, x: Expression, sort: int) -> str:
+        """The text of an expression in statements of a sort; it is stored in p or y if need be."""
+        lines = self.lines[x.depends_on]
+        if x.text in self._pending_signs:
+            rate = self._pending_signs.pop(x.text)
+            lines.append(
+                f"const {_type(x.depends_on)} {x.text} = direction({rate}, {_SIGN_ARGUMENTS});"
+            )
+        if sort == x.depends_on or not x.is_result:
+            return x.text
+        if x.depends_on == OF_PARAMETERS:
+            if x.text not in self._in_p:
+                self._in_p[x.text] = f"p[{self.size}]"
+                self.size += 1
+                lines.append(f"{self._in_p[x.text]} = {x.text};")
+            return self._in_p[x.text]
+        if x.text not in self._in_y:
+            self._in_y[x.text] = f"[{self.room}]"
+            self.room += 1
+            lines.append(f"y{self._in_y[x.text]} = {x.text};")
+        return f"o{self._in_y[x.text]}"  # a pass reads the y of the function that runs once as o
+
+
+def _type(depends_on: int) -> str:
+    """The C type of an expression."""
+    return "number" if depends_on == OF_PARAMETERS else "real"
