@@ -151,7 +151,7 @@ class CompiledBackend:
         self._kernels: dict[Quantity, kernel_protocols.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Quantity, KernelCode | None] = {}
-        #: The C of the kernel that was generated last.
+        #: The C of kernels of which one of the two variants is not compiled yet.
         self._sources: dict[Quantity, list[str]] = {}
         #: Why there is no kernel of a quantity.
         self._why: dict[Quantity, str] = {}
@@ -461,10 +461,13 @@ class CompiledBackend:
         with self._lock:  # equations are made once, and CasADi is not safe for several threads
             if self._stopped:
                 raise CompilationError("given up")
-            if key not in self._sources:
-                expressions = kernels.entry(self._equations_of(key), key)
-                self._sources = {key: c_code.library(key.entry, expressions)}
-            return self._sources[key]
+            # The first of the two variants generates the code, the other takes it. Threads may make
+            # other kernels in between.
+            sources = self._sources.pop(key, None)
+            if sources is None:
+                sources = c_code.library(key.entry, kernels.entry(self._equations_of(key), key))
+                self._sources[key] = sources
+            return sources
 
     def _equations_of(self, key: Quantity) -> "Equations":
         """The symbols from which a kernel is made; kernels of one kind share them."""
