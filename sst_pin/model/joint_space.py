@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The configuration space of a tree: names and units of its coordinates, q_dot from v."""
+"""The configuration space of a tree: names and units of the entries of q and v, and q_dot from v.
+
+Most joints have the same number of entries in q and in v, and q_dot = v. The others are:
+
+    joint        entries of q                      rates in v
+    ball         quaternion (x, y, z, w)           angular velocity, axes of the body
+    free-flyer   position, quaternion              linear and angular velocity, axes of the body
+    planar       x, y, cosine and sine             vx and vy in axes of the body, and w
+    continuous   cosine and sine                   its rate
+"""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -13,11 +22,21 @@ from ..errors import InputError, UnknownNameError
 
 
 class _Kind(NamedTuple):
-    """Coordinates and rates of one type of joint, by their suffixes, and the units of the rates."""
+    """The entries of one type of joint. A suffix is added to the name of the joint."""
 
+    #: Suffixes of its entries of q.
     q: tuple[str, ...]
+    #: Suffixes of its entries of v.
     v: tuple[str, ...]
+    #: Units of its entries of v, without "per second".
     units: tuple[str, ...]
+
+
+class _Start(NamedTuple):
+    """Where a joint, or a part of it, begins in q and in v."""
+
+    q: int
+    v: int
 
 
 _XYZ = ("x", "y", "z")
@@ -56,9 +75,10 @@ class JointSpace:
         self.joint_names: tuple[str, ...] = tuple(list(model.names)[1:])
         q: list[tuple[str, str]] = []
         v: list[tuple[str, str]] = []
-        self._quaternions: list[tuple[int, int]] = []  # first of q, first of v
-        self._circles: list[tuple[int, int]] = []
-        self._frames: list[tuple[int, int, int]] = []  # free-flyers (3) and planes (2)
+        self._quaternions: list[_Start] = []
+        self._circles: list[_Start] = []  # cosine and sine of an angle, and its rate
+        self._positions: list[_Start] = []  # x, y, z of free-flyers
+        self._plane_positions: list[_Start] = []  # x, y of planar joints
         self.names_by_joint: dict[str, dict[str, list[str]]] = {"position": {}, "rate": {}}
         for name, joint in zip(self.joint_names, list(model.joints)[1:], strict=True):
             i = len(q)
@@ -75,32 +95,32 @@ class JointSpace:
     def _add(
         self, q: list[tuple[str, str]], v: list[tuple[str, str]], name: str, joint: Any
     ) -> None:
-        """Append names and units of a joint to the lists q and v; note its quaternions."""
+        """Append names and units of a joint to the lists q and v, and note where q_dot is not v."""
         kind = kind_of(joint)
         short = joint.shortname()
         i = len(q)
         k = len(v)
         if short == "JointModelFreeFlyer":
-            self._frames.append((i, k, 3))
-            self._quaternions.append((i + 3, k + 3))
+            self._positions.append(_Start(i, k))
+            self._quaternions.append(_Start(i + 3, k + 3))
         elif short == "JointModelSpherical":
-            self._quaternions.append((i, k))
+            self._quaternions.append(_Start(i, k))
         elif short == "JointModelPlanar":
-            self._frames.append((i, k, 2))
-            self._circles.append((i + 2, k + 2))
+            self._plane_positions.append(_Start(i, k))
+            self._circles.append(_Start(i + 2, k + 2))
         elif (joint.nq, joint.nv) == (2, 1):
-            self._circles.append((i, k))
+            self._circles.append(_Start(i, k))
         units = dict(zip(kind.v, kind.units, strict=True))
-        lengths = "m" in kind.units
+        slides = "m" in kind.units
         for suffix in kind.q:
-            unit = "m" if lengths and suffix in _XYZ else units.get(suffix, "")
+            unit = "m" if slides and suffix in _XYZ else units.get(suffix, "")
             q.append((f"{name}_{suffix}" if suffix else name, unit))
         for suffix, unit in units.items():
             v.append((f"{name}_{suffix}" if suffix else name, unit))
 
     @cached_property
     def places(self) -> dict[str, list[int]]:
-        """Indices in q of each angle or length, by name; an endless turn has cosine and sine."""
+        """Indices in q of each angle or length, by name; two for a cosine and a sine."""
         places: dict[str, list[int]] = {}
         for k, name in enumerate(self.position_names):
             if self.position_units[k]:
@@ -168,6 +188,7 @@ class JointSpace:
         q_dot = np.empty(self._model.nq)
         q_dot[self.plain[0]] = v[self.plain[1]]
         for i, k in self._quaternions:
+            # The rate of a quaternion is its product with (omega / 2, 0).
             x, y, z, w = q[i : i + 4]
             a, b, c = v[k : k + 3] / 2
             q_dot[i : i + 4] = (
@@ -178,12 +199,12 @@ class JointSpace:
             )
         for i, k in self._circles:
             q_dot[i : i + 2] = -q[i + 1] * v[k], q[i] * v[k]
-        for i, k, size in self._frames:
-            if size == 3:
-                q_dot[i : i + 3] = pin.Quaternion(q[i + 3 : i + 7]).matrix() @ v[k : k + 3]
-            else:
-                c, s = q[i + 2 : i + 4]
-                q_dot[i : i + 2] = c * v[k] - s * v[k + 1], s * v[k] + c * v[k + 1]
+        for i, k in self._positions:
+            R = pin.Quaternion(q[i + 3 : i + 7]).matrix()
+            q_dot[i : i + 3] = R @ v[k : k + 3]
+        for i, k in self._plane_positions:
+            c, s = q[i + 2 : i + 4]
+            q_dot[i : i + 2] = c * v[k] - s * v[k + 1], s * v[k] + c * v[k + 1]
         return q_dot
 
     def normalised(self, q: Array) -> Array:
@@ -257,17 +278,20 @@ class JointSpace:
         for i, k in self._circles:
             q[i : i + 2] = False
             v[k] = False
-        for i, k, size in self._frames:
-            q[i : i + size] = False
-            v[k : k + size] = False
+        for i, k in self._positions:
+            q[i : i + 3] = False
+            v[k : k + 3] = False
+        for i, k in self._plane_positions:
+            q[i : i + 2] = False
+            v[k : k + 2] = False
         return np.flatnonzero(q), np.flatnonzero(v)
 
 
 def without_sign_changes(quaternions: Array) -> Array:
     """Neighbouring quaternions, shape (N, 4), each with the sign nearer to the one before."""
     p = quaternions.copy()  # p and -p are one rotation
-    turned = np.where((p[1:] * p[:-1]).sum(axis=1) < 0, -1, 1)
-    p[1:] *= np.cumprod(turned)[:, None]
+    signs = np.where((p[1:] * p[:-1]).sum(axis=1) < 0, -1, 1)  # relative to the one before
+    p[1:] *= np.cumprod(signs)[:, None]
     return p
 
 
@@ -280,6 +304,7 @@ def kind_of(joint: Any) -> _Kind:
         return _UNBOUNDED
     if (joint.nq, joint.nv) == (1, 1):
         return _Kind(("",), ("",), ("m" if short.startswith("JointModelP") else "rad",))
+    # Another joint of several entries; they are numbered.
     numbers = tuple(map(str, range(max(joint.nq, joint.nv))))
     return _Kind(numbers[: joint.nq], numbers[: joint.nv], ("rad",) * joint.nv)
 
