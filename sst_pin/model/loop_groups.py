@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Groups of loops that share joints, and the lengths of these groups and of the robot."""
+"""Groups of loops that share joints, and the lengths of these groups and of the robot.
+
+Lengths make numbers free of units: errors, rates and rows of Phi in metres are divided by the
+length of their group, so that thresholds hold for small and large robots.
+"""
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -14,11 +19,20 @@ from .tree import frame_named
 _SMALL = 1e-6
 
 
-def loop_groups(
-    model: pin.Model, closures: Sequence[Constraint]
-) -> list[tuple[set[int], list[Constraint]]]:
-    """(joints, closures) of each group; its joints move only one of the frames of a closure."""
-    groups: list[tuple[set[int], list[Constraint]]] = []
+class LoopGroup(NamedTuple):
+    """Loops that share joints."""
+
+    #: Indices of the joints of the loops.
+    joints: set[int]
+    closures: list[Constraint]
+
+
+def loop_groups(model: pin.Model, closures: Sequence[Constraint]) -> list[LoopGroup]:
+    """The groups of loops of a tree with closures.
+
+    The joints of a loop are those that move one of the two frames of its closure, but not both.
+    """
+    groups: list[LoopGroup] = []
     for closure in closures:
         joints = set[int]()  # none for a coupling
         for name in frames_of(closure):
@@ -26,24 +40,33 @@ def loop_groups(
         members = [closure]
         # Groups that share a joint with this closure become one group with it.
         others = []
-        for other_joints, other_members in groups:
-            if joints.isdisjoint(other_joints):
-                others.append((other_joints, other_members))
+        for group in groups:
+            if joints.isdisjoint(group.joints):
+                others.append(group)
             else:
-                joints |= other_joints
-                members = other_members + members
-        groups = [*others, (joints, members)]
+                joints |= group.joints
+                members = group.closures + members
+        groups = [*others, LoopGroup(joints, members)]
     return groups
 
 
 def longest_offset(
     model: pin.Model, joints: Iterable[int], closures: Iterable[Constraint], ground: bool = True
 ) -> float:
-    """The largest distance of joints and closure frames on one body, [m]; 0 if negligible.
+    """The largest distance of two points on one body, [m]; 0 if it is rounding of zero.
 
-    Rod lengths and wheel radii count too. On the ground, frames count only of closures that fix the
-    distance of their origins (not planes or rails). Without `ground` nothing on the ground counts.
+    The points are the origins of the joints and of the frames of the closures. Lengths of rods and
+    radii of wheels count too.
+
+    Args:
+        model: The tree.
+        joints: Indices of the joints that count.
+        closures: The closures that count.
+        ground: Whether points on the ground count. Of frames on the ground, only those of closures
+            that fix the distance of their origins do: a frame of a plane or rail may be anywhere
+            on it.
     """
+    # The points on each body, in its axes, by the index of its joint. Its own joint is at zero.
     points: dict[int, list[Array]] = {j: [np.zeros(3)] for j in joints}
     size = max((_size(model.inertias[j]) for j in points), default=0.0)
     for j in list(points):

@@ -15,7 +15,7 @@ from .closures import Brake, Constraint, Coupling
 from .contacts import Contacts
 from .joint_space import JointSpace
 from .lines import Lines
-from .loop_groups import longest_offset, loop_groups
+from .loop_groups import LoopGroup, longest_offset, loop_groups
 from .thresholds import AT_REST
 from .tree import joint_id
 
@@ -324,15 +324,17 @@ class Mechanism:
         It does not depend on where the robot stands in the world.
         """
         joints = range(1, self.model.njoints)
-        lengths = [x for _, _, x in self._groups]
+        lengths = [length for _, length in self._groups]
         offset = longest_offset(self.model, joints, self.closures, ground=False)
         return max([offset, *lengths]) or 1.0
 
     @cached_property
-    def _groups(self) -> list[tuple[set[int], list[Constraint], float]]:
-        """Joints, closures and length of each group of loops that share joints."""
-        groups = loop_groups(self.model, self.closures)
-        return [(*group, longest_offset(self.model, *group)) for group in groups]
+    def _groups(self) -> list[tuple[LoopGroup, float]]:
+        """Each group of loops that share joints, and its length, [m]."""
+        groups = []
+        for group in loop_groups(self.model, self.closures):
+            groups.append((group, longest_offset(self.model, group.joints, group.closures)))
+        return groups
 
     @cached_property
     def row_scale(self) -> Array:
@@ -341,8 +343,8 @@ class Mechanism:
         Phi without units is row_scale[:, None] * Phi * rate_scale.
         """
         length_of_closure: dict[Constraint, float] = {}
-        for _, closures, length in self._groups:
-            for closure in closures:
+        for group, length in self._groups:
+            for closure in group.closures:
                 length_of_closure[closure] = length or self.length
         units: list[float] = []
         for closure in self.closures:
@@ -362,8 +364,8 @@ class Mechanism:
         It is 1 rad/s for rotations and a length of the robot per second for translations.
         """
         lengths = np.full(self.model.nv, self.length)
-        for joints, _, length in self._groups:
-            for number in joints:
+        for group, length in self._groups:
+            for number in group.joints:
                 joint = self.model.joints[number]
                 lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
         is_translation = np.array(self.space.rate_units) == "m"
