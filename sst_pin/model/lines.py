@@ -115,10 +115,9 @@ class LineForce:
 class Lines:
     """The forces along lines of one robot."""
 
-    #: The force of each line.
     forces: tuple[LineForce, ...]
-    #: Motor torques tau push the ends of the lines apart with forces `actuation @ tau`,
-    #: shape (lines, motors).
+    #: Motor torques tau push the ends of the lines apart with the forces actuation tau, shape
+    #: (lines, motors).
     actuation: Array
 
     @cached_property
@@ -181,5 +180,6 @@ class Lines:
         preload = self.preload
         stretch = lengths - self.rest_lengths
         is_slack = self.pull_only & (stiffness > 0) & (preload + stiffness * stretch < 0)
-        stretch[is_slack] = -preload[is_slack] / stiffness[is_slack]  # where the tension begins
+        # A slack cable has the energy of the stretch at which its tension begins.
+        stretch[is_slack] = -preload[is_slack] / stiffness[is_slack]
         return float((preload + stiffness * stretch / 2).dot(stretch))

@@ -31,11 +31,13 @@ class NormalTree:
         self.bodies = [0] * original.njoints
         self.model.name = original.name
         self.model.gravity = original.gravity
+        # For each entry of q of the normal tree: the entry of the original q, factor and offset.
         q: list[tuple[int, float, float]] = []
+        # For each rate of the normal tree: the original rate, factor, and the share of its rotor.
         v: list[tuple[int, float, float]] = []
-        waiting = list(original.children[0])[::-1]
-        while waiting:
-            j = waiting.pop()
+        stack = list(original.children[0])[::-1]  # depth-first, the first child first
+        while stack:
+            j = stack.pop()
             joint = original.joints[j]
             factor = 1.0
             offset = 0.0
@@ -48,7 +50,7 @@ class NormalTree:
             self._add(original, j)
             q += [(joint.idx_q + k, factor, offset) for k in range(joint.nq or 1)]
             v += [(joint.idx_v + k, factor, rotors) for k in range(joint.nv or 1)]
-            waiting += list(original.children[j])[::-1]
+            stack += list(original.children[j])[::-1]
         for frame in map(pin.Frame, list(original.frames)[1:]):
             frame.parentJoint = self.bodies[frame.parentJoint]
             self.model.addFrame(frame, False)
