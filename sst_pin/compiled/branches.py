@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Coordinates in groups that move the same branches of a robot.
+"""Groups of coordinates that move the same branches of a robot.
 
-Derivatives are computed for several coordinates side by side, in the lanes of one register, by code
-that is generated for their group: bodies that none of them moves cost nothing. In a humanoid the
+Derivatives are computed for several coordinates side by side, in the lanes of one register. Each
+group of coordinates has its own code, a *pass*, in which bodies that none of them moves cost
+nothing. A group with more coordinates than lanes runs its pass several times. In a humanoid the
 base is a group, and each limb.
+
+More groups mean less work in each pass, but more passes. The time is estimated as the number of
+moved links in all passes.
 """
 
 from collections.abc import Sequence
@@ -15,7 +19,10 @@ LANES = 8
 
 
 def groups(equations: Equations) -> list[list[int]]:
-    """Coordinates in groups, by index; in all at most about twice the code of a single group."""
+    """The coordinates in groups, by index.
+
+    The code of all groups together is at most about twice that of a single group.
+    """
     return _groups(range(len(equations.L)), _moved_links(equations))
 
 
@@ -33,10 +40,17 @@ def _moved_links(equations: Equations) -> list[set[int]]:
 
 
 def _groups(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[int]]:
-    """Coordinates that move the same branches, split where that saves time."""
+    """Coordinates in groups, split where that saves time.
+
+    Coordinates that move no link together are in different groups. Else the trunk, the coordinates
+    that move all links of the group, may be split from the rest, which then is divided again.
+    """
     parts = _connected(coordinates, moved)
     if len(parts) > 1:
-        return [group for part in parts for group in _groups(part, moved)]
+        all_groups = list[list[int]]()
+        for part in parts:
+            all_groups += _groups(part, moved)
+        return all_groups
     whole = list(coordinates)
     links = set[int]().union(*(moved[k] for k in whole))
     trunk = [k for k in whole if moved[k] == links]
@@ -67,6 +81,7 @@ def _connected(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[li
 
 
 def _time(group: Sequence[int], moved: Sequence[set[int]]) -> int:
-    """Links that move in all passes of a group."""
+    """Number of links that move, in all runs of the pass of a group."""
     links = set[int]().union(*(moved[k] for k in group))
-    return len(links) * -(-len(group) // LANES)
+    runs = -(-len(group) // LANES)  # rounded up
+    return len(links) * runs
