@@ -53,7 +53,7 @@ const tangent = Math.tanh, sign = (x, rest) => x > rest ? 1 : x < -rest ? -1 : 0
 const direction = (x, width, rest) => width > 0 ? tangent(x / width) : sign(x, rest);
 const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, rest);
 """
-#: Choices of coordinates and pivots at most; walks that look for them, and their steps.
+#: The most choices of coordinates and pivots, the walks that look for them, and steps of a walk.
 _MOST, _WALKS, _STEPS = 4, 6, 50
 #: The pivots of a choice are small where their check is larger.
 _SMALL = 1e-3
@@ -72,46 +72,68 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     """Equations with several choices of pivots and coordinates.
 
     In most configurations, one of them is sound. The first are in the robot's coordinates, with
-    pivots chosen near q. Walks from there, downhill and the same at each call, look for
-    configurations where all choices so far have small pivots.
+    pivots chosen near q. Walks from there look for configurations where all choices so far have
+    small pivots. There, other coordinates and pivots are chosen.
     """
     mechanism = reference.mechanism
-    random = np.random.default_rng(0)
-    model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
     numbers = SymbolicParameters(mechanism).pack(mechanism, mechanism.friction)
     space = StateSpace(reference, mechanism.friction)
-    equations = []
-    smallness = []
-
-    def add(reference: Reference, q: Array) -> None:
-        # Rounded, because legs are alike: the last digits must not choose the order.
-        samples = sample_configurations(reference, q).round(9)
-        equations.append(Equations(reference.mechanism, samples, loaded=True))
-        small = Checks(equations[-1]).small_pivots
-        smallness.append(ca.Function("small", [equations[-1].q, equations[-1].p], [small]))
-
-    add(reference, q)
-    direction = random.standard_normal(model.nv)
-    start = q
-    for k in range(_WALKS * _STEPS if len(mechanism.dependent) and n else 0):
-        q = q if k % _STEPS else start
-        motions = free_motions(space.Phi(q))
-        fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
-        direction = direction / np.linalg.norm(direction) + 0.1 * random.standard_normal(model.nv)
-        direction = motions @ (motions.T @ (direction + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
-        step = 0.1 * direction / np.linalg.norm(direction) * mechanism.rate_scale
-        state = np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
-        try:
-            q = space.suited(q)[0].closed(state)
-        except ClosureError:
-            direction = random.standard_normal(model.nv)
-            continue
-        best, condition = space.suited(q)
-        if condition < WELL_CONDITIONED and min(float(f(q, numbers)) for f in smallness) > _SMALL:
-            add(Reference(replace(mechanism, coordinates=best.coordinates)), q)
+    equations = [_equations_near(reference, q)]
+    checks = [_small_pivots(equations[0])]
+    if not len(mechanism.dependent) or not len(mechanism.coordinates):
+        return equations
+    for configuration in _walks(space, mechanism, q):
+        best, condition = space.suited(configuration)
+        smallest = min(float(check(configuration, numbers)) for check in checks)
+        if condition < WELL_CONDITIONED and smallest > _SMALL:
+            other = Reference(replace(mechanism, coordinates=best.coordinates))
+            equations.append(_equations_near(other, configuration))
+            checks.append(_small_pivots(equations[-1]))
         if len(equations) == _MOST:
             break
     return equations
+
+
+def _equations_near(reference: Reference, q: Array) -> Equations:
+    """Equations with pivots that are chosen at samples near q."""
+    # Rounded, because legs are alike: the last digits must not choose the order.
+    samples = sample_configurations(reference, q).round(9)
+    return Equations(reference.mechanism, samples, loaded=True)
+
+
+def _small_pivots(e: Equations) -> ca.Function:
+    """A function of q and the symbolic parameters: the check that is large for small pivots."""
+    return ca.Function("small", [e.q, e.p], [Checks(e).small_pivots])
+
+
+def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Array]:
+    """Closed configurations along walks from a start, downhill and the same at each call.
+
+    A step goes on in the direction of the one before, with a random part and a part along the
+    gravity forces, as far as the closures allow.
+    """
+    model = mechanism.model
+    data = model.createData()
+    at_rest = np.zeros(len(mechanism.coordinates))
+    random = np.random.default_rng(0)
+    direction = random.standard_normal(model.nv)  # displacements of joints, free of units
+    for _ in range(_WALKS):
+        q = start
+        for _ in range(_STEPS):
+            motions = free_motions(space.Phi(q))
+            fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
+            fall = fall / (np.linalg.norm(fall) + 1e-9)
+            direction = direction / np.linalg.norm(direction)
+            direction = direction + 0.1 * random.standard_normal(model.nv)
+            direction = motions @ (motions.T @ (direction + 0.3 * fall))
+            step = 0.1 * direction / np.linalg.norm(direction) * mechanism.rate_scale
+            suited, _ = space.suited(q)
+            try:
+                q = suited.closed(np.concatenate([pin.integrate(model, q, step), at_rest]))
+            except ClosureError:
+                direction = random.standard_normal(model.nv)
+                continue
+            yield q
 
 
 @announced("live page: writing its equations")
