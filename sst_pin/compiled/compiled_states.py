@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """States of a mechanism by compiled kernels: rates, closing of loops, rollouts.
 
-The mass matrix of many coordinates is too large to be written out. Its column k is the generalized
-forces that the accelerations e_k need at rest, without weights and springs; a kernel of inverse
-dynamics computes all columns of a sample side by side.
+`CompiledStateSpace` is the state space for integrators. `ByColumns` and `DerivativesByColumns` are
+kernels of accelerations and their derivatives for robots with many coordinates, whose mass matrix
+is too large to be written out in symbols. They compute it as numbers: its column k is the
+generalized forces that the accelerations e_k need at rest, without weights and springs. A kernel of
+inverse dynamics computes all columns of a sample side by side.
 """
 
 import sys
@@ -27,11 +29,13 @@ if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
     from ._binding import RolloutKernel
 
-#: det Phi_u changes by no more than this factor in half a step that is sound.
+# A step of a rollout is sound if the kernels can tell that it stays in its assembly mode. The
+# reference path judges the other steps. Phi_u are the columns of Phi for the dependent rates.
+#: det Phi_u changes by no more than this factor in half a sound step.
 CHANGE = 1.25
 #: Steps of Newton's method before the reference path closes the loops.
 _MOST_CLOSING_STEPS = 4
-#: Longest step of Newton's method that closes the middle of a sound step, in parts of `TRAVEL`.
+#: Longest Newton step that closes the loops in the middle of a sound step, in parts of `TRAVEL`.
 NEARBY = 0.02
 
 
@@ -70,13 +74,14 @@ class CompiledStateSpace(StateSpace):
         """q with closed loops, by kernels that make steps of Newton's method."""
         if self._closing is None:
             return super().closed(states)
-        # A step succeeds if the loops were closed to 1e-6 before it; then the next one is the last,
-        # because each step squares the error.
+        # The kernel answers if the loops were closed to about 1e-6 before its step. Then one more
+        # step suffices, because each step squares the error.
         step = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
         if step is not None:
             q = step[..., : self._nq]
             last = self._closing.answer(q, None, None, None, None, 1)
             return q if last is None else last[..., : self._nq]
+        # Some loops were open: more steps for all samples.
         q = np.ascontiguousarray(states[..., : self._nq].reshape(-1, self._nq))
         for _ in range(_MOST_CLOSING_STEPS):
             result = np.empty((len(q), self._nq + 2))  # q, determinant, sum of squares
@@ -132,9 +137,10 @@ class CompiledStateSpace(StateSpace):
         return reached
 
     def _complete(self, kernel: "RolloutKernel", motions: RolloutArrays, i: int, count: int) -> int:
-        """The number of valid states of motion i, of which the kernel has filled `count`.
+        """Fill the rest of motion i, of which the kernel has filled `count` states.
 
-        The reference path continues until the coordinates are good again, then the kernel does.
+        It returns the number of valid states. The reference path continues until the coordinates
+        are good again, then the kernel does, in turn.
         """
         while count <= motions.steps:
             last = max(count - 1, 0)  # the last valid state is the next start
@@ -155,26 +161,35 @@ class CompiledStateSpace(StateSpace):
 
     def _by_kernel(self, kernel: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
         """Fill the states of motions as far as the kernel computes them well, and count them."""
-        # det Phi_u of each state, and whether the step from it is sound
-        looks = np.empty((*motions.q.shape[:2], 2))
-        reached = kernel.run(*motions, looks, min(threads, sys.maxsize))
+        # For each state: det Phi_u, and 1 if the step from it is sound, else 0.
+        verdicts = np.empty((*motions.q.shape[:2], 2))
+        reached = kernel.run(*motions, verdicts, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise q
-        return self._continuous(motions, looks, reached)
+        determinants = verdicts[..., 0]
+        sound = verdicts[:, :-1, 1] > 0
+        return self._continuous(motions, determinants, sound, reached)
 
-    def _continuous(self, motions: RolloutArrays, looks: Array, reached: Indices) -> Indices:
+    def _continuous(
+        self, motions: RolloutArrays, determinants: Array, sound: Flags, reached: Indices
+    ) -> Indices:
         """Number of states of each motion before it leaves its assembly mode, shape (N,).
 
         Between two modes, and near a singularity, a block of Phi_u is almost singular. A short step
-        is sound if det Phi_u changes little to the middle and to the end of the step. The others,
-        and motions near a dead point of the coordinates, are left to the reference path.
+        is sound if det Phi_u changes little to the middle and to the end of the step. The reference
+        path judges the other steps here, and the coordinates near a dead point.
+
+        Args:
+            motions: The motions.
+            determinants: det Phi_u of each state, shape (N, steps + 1).
+            sound: Whether the kernel finds a step sound, shape (N, steps).
+            reached: Number of states that the kernel has computed, shape (N,).
         """
         q = motions.q
         until = reached.copy()
-        determinants = looks[..., 0]
         steps = np.arange(motions.steps)
         is_step = steps < reached[:, None]
         # The last state of a motion has no step that could be judged.
-        sound = (looks[:, :-1, 1] > 0) | (steps + 1 >= reached[:, None])
+        sound = sound | (steps + 1 >= reached[:, None])
         near_dead_point = self._falls(determinants)[:, :-1]
         for i, s in np.argwhere(is_step & (near_dead_point | ~sound)):
             if s >= until[i]:  # an earlier step has ended this motion
@@ -194,8 +209,9 @@ class CompiledStateSpace(StateSpace):
     def _falls(self, determinants: Array) -> Flags:
         """States where |det Phi_u| falls to a new level, shape (N, steps + 1).
 
-        Level k begins at half the usual size divided by `CHANGE`^k. Each level is counted once, so
-        that a motion along a dead point costs few tests.
+        Level k begins at half the usual size divided by `CHANGE`^k; the usual size is the largest
+        of the motion and of the robot's example. Each level counts once, so that a motion along a
+        dead point costs few tests.
         """
         sizes = np.abs(determinants)
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
@@ -220,7 +236,7 @@ class CompiledStateSpace(StateSpace):
 
 
 class ByColumns:
-    """Accelerations from Eq. (92) with the mass matrix column by column.
+    """A `Kernel` of accelerations, Eq. (92), with the mass matrix column by column.
 
     Args:
         mechanism: The mechanism.
@@ -242,7 +258,7 @@ class ByColumns:
         self._rates = rates
         self._unit = np.eye(len(mechanism.coordinates))
 
-    #: It computes by `many` only.
+    #: `Kernel.answer` and `Kernel.derivatives`: it computes by `many` only.
     answer = None
     derivatives = None
 
@@ -285,7 +301,7 @@ class ByColumns:
 
 
 class DerivativesByColumns:
-    """Derivatives of accelerations from those of generalized forces at these accelerations.
+    """A `Kernel` of derivatives of accelerations, from those of forces at these accelerations.
 
     Motors act on coordinates only, so that their forces along the coordinates are constant.
 
@@ -305,7 +321,7 @@ class DerivativesByColumns:
         self._forces = forces
         self._motor_matrix = mechanism.actuation[mechanism.coordinates]  # L^T B
 
-    #: It computes by `many` only.
+    #: `Kernel.answer` and `Kernel.derivatives`: it computes by `many` only.
     answer = None
     derivatives = None
 
