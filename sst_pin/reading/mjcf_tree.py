@@ -29,16 +29,32 @@ from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
 
 
 class _Coordinates(NamedTuple):
-    """How the positions of one of MuJoCo's joints follow from `qpos`.
+    """How the positions of one of MuJoCo's joints follow from `qpos`."""
 
-    `addresses` are the indices in `qpos`, in Pinocchio's order. `reference` is the pose of a free
-    joint that is locked in part, relative to which its remaining joints move; else None. `series`
-    are its joints in the Pinocchio model.
-    """
-
+    #: Indices in `qpos`, in Pinocchio's order.
     addresses: list[int]
+    #: The pose of a free joint that is locked in part, relative to which its remaining joints move;
+    #: None for other joints.
     reference: pin.SE3 | None
+    #: Its joints in the Pinocchio model.
     series: Series
+
+
+class _JointKind(NamedTuple):
+    """What a joint of MuJoCo is in Pinocchio."""
+
+    #: The joint, unless some of its rates are locked or it is split.
+    model: Any
+    #: Indices of its coordinates in `qpos`, in Pinocchio's order.
+    addresses: list[int]
+    #: The placement of its body on the parent at `qpos0`; for a free joint where its pose begins.
+    placement: pin.SE3
+    #: The motion of the joint from `qpos0` to position zero.
+    to_zero: pin.SE3 = pin.SE3.Identity()
+    #: See `_Coordinates`.
+    reference: pin.SE3 | None = None
+    #: Whether it becomes joints of one rate and a ball.
+    is_split: bool = False
 
 
 class JointSprings(NamedTuple):
@@ -116,52 +132,51 @@ class MjcfTree:
 
         `placement` is the placement of the body at `qpos0`, relative to joint `parent`.
         """
-        compiled = self._compiled
-        mj = compiled.mj
-        # A Pinocchio joint of the same kind, and the indices of its coordinates in `qpos`.
-        kind = mj.jnt_type[joint]
+        kind = self._joint_kind(joint, placement)
+        locked = self._compiled.locked_rates(joint)
+        if locked or kind.is_split:
+            series: Series = PartlyLocked(kind.model, dict.fromkeys(locked, 0.0))
+        else:
+            series = Series.whole(kind.model)
+        # The joint turns about its anchor on the body. Its parts follow each other; the body stands
+        # behind the last one.
+        mj = self._compiled.mj
+        anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
+        first_dof = mj.jnt_dofadr[joint]
+        part_placement = kind.placement * anchor * kind.to_zero
+        for part in series.parts:
+            name = self._compiled.joint(joint) + part.suffix
+            parent = self.model.addJoint(parent, part.joint, part_placement * part.place, name)
+            self.model.addJointFrame(parent)
+            self.dofs += [first_dof + rate for rate in part.rates]
+            part_placement = pin.SE3.Identity()
+        self._coordinates.append(_Coordinates(kind.addresses, kind.reference, series))
+        return parent, part_placement * series.place * anchor.inverse()
+
+    def _joint_kind(self, joint: int, placement: pin.SE3) -> _JointKind:
+        """What a joint of MuJoCo is in Pinocchio, for a placement of its body at `qpos0`."""
+        mj = self._compiled.mj
         axis = mj.jnt_axis[joint]
         address = mj.jnt_qposadr[joint]
         at_qpos0 = mj.qpos0[address]  # of a hinge or a slide
-        anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
-        locked = compiled.locked_rates(joint)
-        reference = None
-        is_split = False
-        to_zero = pin.SE3.Identity()  # from qpos0 to position zero
-        if kind == FREE:
-            model = pin.JointModelFreeFlyer()
+        if mj.jnt_type[joint] == FREE:
             addresses = [*range(address, address + 3), *_scalar_last(address + 3)]
-            placement = pin.SE3.Identity()  # the coordinates are the pose in the world
-            if locked:
-                placement = reference = pin.XYZQUATToSE3(mj.qpos0[addresses])
-            is_split = bool(compiled.forces_of_free_joint(joint))
-        elif kind == HINGE:
+            reference = None
+            in_world = pin.SE3.Identity()  # the coordinates are the pose in the world
+            if self._compiled.locked_rates(joint):
+                reference = pin.XYZQUATToSE3(mj.qpos0[addresses])
+                in_world = reference
+            is_split = bool(self._compiled.forces_of_free_joint(joint))
+            model = pin.JointModelFreeFlyer()
+            return _JointKind(model, addresses, in_world, reference=reference, is_split=is_split)
+        if mj.jnt_type[joint] == HINGE:
             model = _along(axis, TURNS, pin.JointModelRevoluteUnaligned)
-            addresses = [address]
             to_zero = pin.SE3(pin.AngleAxis(-at_qpos0, axis).matrix(), np.zeros(3))
-        elif kind == SLIDE:
+            return _JointKind(model, [address], placement, to_zero)
+        if mj.jnt_type[joint] == SLIDE:
             model = _along(axis, SLIDES, pin.JointModelPrismaticUnaligned)
-            addresses = [address]
-            to_zero = pin.SE3(np.eye(3), -at_qpos0 * axis)
-        else:
-            model = pin.JointModelSpherical()
-            addresses = _scalar_last(address)
-        if locked or is_split:
-            series: Series = PartlyLocked(model, dict.fromkeys(locked, 0.0))
-        else:
-            series = Series.whole(model)
-        # The joint turns about its anchor on the body. Its parts follow each other; the body stands
-        # behind the last one.
-        dof = mj.jnt_dofadr[joint]
-        part_placement = placement * anchor * to_zero
-        for part in series.parts:
-            name = compiled.joint(joint) + part.suffix
-            parent = self.model.addJoint(parent, part.joint, part_placement * part.place, name)
-            self.model.addJointFrame(parent)
-            self.dofs += [dof + rate for rate in part.rates]
-            part_placement = pin.SE3.Identity()
-        self._coordinates.append(_Coordinates(addresses, reference, series))
-        return parent, part_placement * series.place * anchor.inverse()
+            return _JointKind(model, [address], placement, pin.SE3(np.eye(3), -at_qpos0 * axis))
+        return _JointKind(pin.JointModelSpherical(), _scalar_last(address), placement)
 
     def add_frame(self, name: str, body: int, place: pin.SE3) -> None:
         """Add a frame that is fixed to a body."""
