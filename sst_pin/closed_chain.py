@@ -582,6 +582,7 @@ class ClosedChain(RobotProperties, Summary):
         *,
         tau: ArrayLike | None = None,
         stiffness: Mapping[str, ArrayLike] | None = None,
+        axes: ArrayLike | None = None,
         **options: Unpack[LoadOptions],
     ) -> reactions.Reactions:
         """Wrenches in all joints and closures; components that are not unique are NaN.
@@ -595,6 +596,9 @@ class ClosedChain(RobotProperties, Summary):
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses along x, y, z [N/m] and about x, y, z [N m/rad] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
+            axes: Axes in the base in which all wrenches are written, in columns, shape (3, 3); by
+                default those of each joint. Forces in the plane of a planar robot are unique in
+                axes along the plane; an oblique axis mixes them with forces across it.
             options: Loads, and `out` of shape (..., r + closures, 6) for the wrenches in joints,
                 then in closures, in the order of `names`.
         """
@@ -602,7 +606,7 @@ class ClosedChain(RobotProperties, Summary):
         if va is aa is tau is None:
             aa = at_rest
         return self._engine.reactions(
-            q, at_rest if va is None else va, aa, tau, stiffness, **options
+            q, at_rest if va is None else va, aa, tau, stiffness, axes, **options
         )
 
     def preload_directions(self, q: ArrayLike) -> Array:

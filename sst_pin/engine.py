@@ -30,7 +30,7 @@ from .dynamics.derivatives import (
 )
 from .dynamics.dynamics import ReducedTerms
 from .dynamics.quantities import Name, Quantity
-from .dynamics.reactions import Reactions, compliances_of, size_of, unpacked
+from .dynamics.reactions import Reactions, axes_of, compliances_of, size_of, unpacked
 from .dynamics.reference import Reference
 from .dynamics.torque_sharing import preload_directions, weights_of
 from .engine_arguments import EngineArguments, Wrenches
@@ -261,6 +261,7 @@ class Engine:
         aa: ArrayLike | None,
         tau: ArrayLike | None,
         stiffness: Mapping[str, ArrayLike] | None,
+        axes: ArrayLike | None = None,
         **options: Unpack[LoadOptions],
     ) -> Reactions:
         """Wrenches in all joints and closures; `out` gets those of joints, then of closures."""
@@ -274,6 +275,8 @@ class Engine:
         if stiffness is not None:
             compliances = compliances_of(self.mechanism, stiffness)
             of_sample = partial(of_sample, compliances=compliances)
+        if axes is not None:
+            of_sample = partial(of_sample, axes=axes_of(axes))
         vectors = {"va": va, "aa": aa}
         if self.mechanism.driven_one_to_one:
             of_sample = _without_torques(of_sample)  # the torques follow from the accelerations
@@ -285,7 +288,7 @@ class Engine:
             (size_of(self.mechanism),),
             q,
             vectors,
-            kernel_exists=stiffness is None,
+            kernel_exists=stiffness is None and axes is None,
             **options,
         )
         return unpacked(self.mechanism, rows, stiffness is not None, out)

@@ -154,7 +154,8 @@ class IndeterminateError(SSTError):
     """
 
     def __init__(self, name: str, components: Sequence[str]) -> None:
-        cure = "the robot is overconstrained; stiffness= of joints and closures makes them unique"
+        cure = "the robot is overconstrained; stiffness= of joints and closures makes them unique, "
+        cure += "or, for forces in the plane of a planar robot, axes= along this plane"
         super().__init__(f"{name}: {', '.join(components)} are not unique: {cure}")
         self.name = name
         self.components = tuple(components)

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Flags, as_array, require_fitting
+from ..arrays import Array, Flags, as_array, require_fitting, single_array
 from ..errors import IndeterminateError, InputError, UnknownNameError
 from ..model.closures import Brake, Constraint, Coupling, frames_of
 from ..model.mechanism import Mechanism
@@ -30,6 +30,8 @@ from .noc import mass_centers
 #: Inner stresses are not determined if the root of their elastic energy, relative to the largest,
 #: is smaller: they act in rigid parts only.
 _RESISTED = 1e-9
+#: Axes may differ from orthonormal ones by this much: numbers with six digits are fine.
+_RIGHT_ANGLES = 1e-5
 #: Bits of the components that are not unique, in the code of a joint or closure.
 BITS = 2.0 ** np.arange(6)
 
@@ -154,11 +156,13 @@ def reactions(
     tau: Array | None,
     wrenches: Array | None,
     compliances: Array | None,
+    axes: Array | None = None,
 ) -> Array:
     """Wrenches of joints and closures, the ground's wrench, torques and codes, in a row.
 
     `tau` is None where motor k drives coordinate k; `compliances` are those of the components,
-    shape (r + closures, 6), or None. There is a code for each joint and closure: the sum of 2^k of
+    shape (r + closures, 6), or None. `axes` are axes in the base in which wrenches are written, in
+    columns, shape (3, 3), or None. There is a code for each joint and closure: the sum of 2^k of
     its components k that are not unique. Those that compliances do not determine are NaN.
     """
     mechanism = context.mechanism
@@ -200,13 +204,20 @@ def reactions(
     columns[: len(without_closures), :, 0] += without_closures
     values = columns[..., 0]
     stresses = columns[..., 1:]
+    rigid_stresses = stresses
+    if compliances is not None:
+        values, rigid_stresses = _relaxed(values, stresses, compliances)
+    if axes is not None:
+        turns = _turns(context, axes)
+        values = (turns @ values[..., None])[..., 0]
+        stresses = turns @ stresses
+        rigid_stresses = turns @ rigid_stresses
 
     # A component is unique if no inner stress changes it. In a stress of unit size, moments are of
     # the order 1, and forces of the order 1 / length.
     sizes = np.repeat([mechanism.length, 1.0], 3)
     not_unique = np.linalg.norm(stresses, axis=-1) * sizes > UNIQUE
     if compliances is not None:
-        values, rigid_stresses = _relaxed(values, stresses, compliances)
         undetermined = np.linalg.norm(rigid_stresses, axis=-1) * sizes > UNIQUE
         values[undetermined] = np.nan
     codes = not_unique @ BITS
@@ -269,6 +280,32 @@ def _wrenches(context: Context, Lambda: Array) -> Array:
             wrench = frame_b.toActionMatrix().T @ of_frame_b.T @ Lambda[rows]
         wrenches.append(wrench)
     return np.array(wrenches).reshape(-1, 6, Lambda.shape[1])
+
+
+def _turns(context: Context, axes: Array) -> Array:
+    """Matrices that take each wrench from its own axes into axes in the base.
+
+    Shape (r + closures, 6, 6). Couplings and brakes, whose only force is along z, stay as they are.
+    """
+    tree = context.tree
+    data = context.data
+    turns = [np.kron(np.eye(2), axes.T @ data.oMi[j].rotation) for j in tree.bodies[1:]]
+    for closure in context.mechanism.closures:
+        if isinstance(closure, Coupling | Brake):
+            turns.append(np.eye(6))
+        else:
+            frame_b = data.oMf[frame_id(tree.model, frames_of(closure)[1])]
+            turns.append(np.kron(np.eye(2), axes.T @ frame_b.rotation))
+    return np.array(turns).reshape(-1, 6, 6)
+
+
+def axes_of(axes: ArrayLike) -> Array:
+    """The argument `axes` of reactions: three unit vectors in columns, at right angles."""
+    R = single_array("axes", axes, (3, 3))
+    error = np.abs(R.T @ R - np.eye(3)).max()
+    if error > _RIGHT_ANGLES:
+        raise InputError("axes", f"its columns are not orthonormal (|R^T R - 1| = {error:.2g})")
+    return R
 
 
 def acts_along(mechanism: Mechanism, closure: Constraint) -> int:

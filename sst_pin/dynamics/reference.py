@@ -180,10 +180,11 @@ class Reference(threading.local):
         tau: Array | None,
         wrenches: Array | None,
         compliances: Array | None = None,
+        axes: Array | None = None,
     ) -> Array:
         """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
         with np.errstate(over="ignore", invalid="ignore"):
-            row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances)
+            row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances, axes)
         n = len(reactions.names_of(self.mechanism))
         names = "q", "va", "aa", "tau", "external_wrenches"
         _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques

@@ -311,3 +311,69 @@ def test_units_change_no_reaction():
         assert np.array_equal(other[2], results[0][2])
         for part, wanted in zip(other[:2], results[0][:2], strict=True):
             assert part == pytest.approx(wanted, abs=1e-10 * largest, nan_ok=True)
+
+
+def with_oblique_axes(chain, seed):
+    """The same planar robot, with axes of its joints and closures that point anywhere."""
+    random = np.random.default_rng(seed)
+    old, new = chain.model, pin.Model()
+    turns = [pin.SE3.Identity()]
+    for j in range(1, old.njoints):
+        quaternion = random.normal(size=4)
+        quaternion /= np.linalg.norm(quaternion)
+        turns.append(pin.SE3(pin.Quaternion(*quaternion).matrix(), np.zeros(3)))
+        parent, turn = old.parents[j], turns[j]
+        axis = turn.rotation.T @ [0, 0, 1]  # all hinges turn about z
+        place = turns[parent].inverse() * old.jointPlacements[j] * turn
+        new.addJoint(parent, pin.JointModelRevoluteUnaligned(axis), place, old.names[j])
+        new.appendBodyToJoint(j, turn.actInv(old.inertias[j]), pin.SE3.Identity())
+    for k, name in enumerate(["coupler_pin", "rocker_pin"]):
+        frame = old.frames[old.getFrameId(name)]
+        place = turns[frame.parentJoint].inverse() * frame.placement * turns[1 + k]
+        new.addFrame(pin.Frame(name, frame.parentJoint, place, pin.FrameType.OP_FRAME))
+    return sst_pin.ClosedChain(new, chain.closures, ["crank"])
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_forces_in_the_plane_are_unique_in_axes_along_the_plane(compiled):
+    """They are those of the robot whose own axes are along its plane."""
+    aligned = robots.four_bar()
+    oblique = with_oblique_axes(aligned, 3)
+    q = np.asarray(aligned.home)
+    if compiled:
+        oblique.compile()
+    own = oblique.reactions(q, [0.3], [0.2])
+    assert np.isnan(own.of("rocker")[:3]).all()  # each component has a part across the plane
+    data = aligned.model.createData()
+    pin.forwardKinematics(aligned.model, data, q)
+    # The z axis of the rocker is the normal of the plane.
+    R = data.oMi[aligned.model.getJointId("rocker")].rotation
+    w = oblique.reactions(q, [0.3], [0.2], axes=R)
+    expected = aligned.reactions(q, [0.3], [0.2], axes=R)
+    assert np.isfinite(w.joints[:, :2]).all()
+    np.testing.assert_allclose(w.joints, expected.joints, atol=1e-9)
+    np.testing.assert_allclose(w.closures, expected.closures, atol=1e-9)
+    assert expected.of("rocker") == pytest.approx(
+        aligned.reactions(q, [0.3], [0.2]).of("rocker"), abs=1e-12, nan_ok=True
+    )
+    assert w.determined.joints[:, :2].all()
+    assert not w.determined.joints[:, 2].any()
+
+
+def test_axes_of_reactions_turn_the_wrenches_that_stiffnesses_share():
+    chain = door()
+    stiffness = {"lower": [1, 1, 3, 1, 1, 1], "frame - leaf": [1, 2, 1, 1, 1, 1]}
+    own = chain.reactions([0.4], [0], [0], stiffness=stiffness)
+    w = chain.reactions([0.4], [0], [0], stiffness=stiffness, axes=np.eye(3))
+    data = chain.model.createData()
+    pin.forwardKinematics(chain.model, data, np.array([0.4]))
+    R = data.oMi[1].rotation
+    assert w.of("lower")[:3] == pytest.approx(R @ own.of("lower")[:3], abs=1e-9)
+    assert w.of("lower")[3:] == pytest.approx(R @ own.of("lower")[3:], abs=1e-9)
+
+
+@pytest.mark.parametrize("axes", [np.eye(2), 2 * np.eye(3), "x", np.full((3, 3), np.nan)])
+def test_axes_of_reactions_are_orthonormal(axes):
+    chain = robots.four_bar()
+    with pytest.raises(sst_pin.errors.InputError, match="axes"):
+        chain.reactions(chain.home, [0], [0], axes=axes)
