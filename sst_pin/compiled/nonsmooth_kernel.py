@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The terms of a nonsmooth step on CasADi's symbols: inertia, forces, gaps and rows.
 
-The rows are sparse: only entries that can differ from zero are results. `c/nonsmooth.h` makes a
-step of them.
+A step computes impulses (of contacts, ropes, cables, stops, dry friction). Each acts along a *row*:
+a linear function of the rates va of the coordinates, such as the velocity of a contact along an
+axis, or the rate of a joint. Dampers, springs and motors act along rows too; they are implicit,
+which means that the step uses their rates at its end.
+
+The rows are sparse: only entries that can differ from zero are results of the kernel. `Layout` says
+where they are; `c/nonsmooth.h` makes a step of them.
 """
 
 from collections.abc import Iterator
@@ -30,39 +35,71 @@ from .symbols import Sparse, add, is_zero
 class Layout:
     """Where the results of the kernel are, for the C of a step.
 
-    Rows have numbers in the order in which they are added.
+    Rows have numbers in the order in which they are added. They are stored as a sparse matrix, row
+    by row: row i has the entries row_start[i] to row_start[i + 1] - 1.
     """
 
+    #: Number of coordinates.
     n: int
-    #: First entries and columns of the rows, as of a sparse matrix.
+    #: The first entry of each row, then the number of entries.
     row_start: list[int] = field(default_factory=lambda: [0])
+    #: The column of each entry.
     row_column: list[int] = field(default_factory=list)
-    #: Places of parts of the results: inertia (upper triangle), forces, gaps, lengths, positions.
+    #: Index of the first result of each part: inertia (upper triangle), forces, gaps, lengths of
+    #: cables, positions of motors, entries of rows.
     places: dict[str, int] = field(default_factory=dict)
-    #: Row of each impulse of `NonsmoothRows`, and its sign.
+    #: Row of each impulse, in the order of `NonsmoothRows`.
     impulse_row: list[int] = field(default_factory=list)
+    #: 1 if a positive impulse acts along its row, -1 if it acts against it.
     impulse_sign: list[int] = field(default_factory=list)
-    #: Rows with damping and stiffness that are taken at the end of the step; motors come last.
+    #: Rows of implicit forces; motors come last.
     implicit_row: list[int] = field(default_factory=list)
 
 
 class NonsmoothTerms:
-    """The kernel of one mechanism. Numbers of contacts, ropes and gains stay open."""
+    """The terms of one mechanism.
+
+    Numbers such as friction of contacts, lengths of ropes and gains are no part of the terms: the C
+    of a step takes them as arguments.
+
+    Attributes:
+        layout: Where the results of the kernel are.
+    """
 
     def __init__(self, equations: Equations, rows: NonsmoothRows) -> None:
         self._e = equations
         self._rows = rows
         self._mechanism = equations.mechanism
         self.layout = Layout(len(self._mechanism.coordinates))
+        #: Entries of the rows that were added.
         self._entries: list[SX] = []
+        #: Heights of contacts, then lengths of ropes with the opposite sign.
         self._gaps: list[SX] = []
         #: Row of each rate of the tree: stops, dry joints and motors share it.
         self._joints: dict[int, int] = {}
+        self._add_rows()
+        self._results = self._placed_results()
 
     def kernel(self, checks: Checks) -> SymbolicKernel:
-        """Inertia, forces, gaps, lengths of cables, motor positions, entries of rows."""
-        e, layout, n = self._e, self.layout, self.layout.n
-        self._add_rows()
+        """The kernel that computes the terms, with the results of `layout`."""
+        e = self._e
+        inputs = {"q": e.q, "va": e.va}
+        if e.loads.numel():
+            inputs["external_wrenches"] = e.loads
+        return SymbolicKernel(
+            name="nonsmooth_terms",
+            inputs=inputs,
+            parameters=e.p,
+            output=ca.densify(self._results),
+            checks=ca.vertcat(
+                *(SX(check) for check in [*checks.of_state, *checks.of_accelerations])
+            ),
+        )
+
+    def _placed_results(self) -> SX:
+        """All results in a column; `layout.places` gets their places."""
+        e = self._e
+        n = self.layout.n
         inertia = [e.inertia[i, j] for i in range(n) for j in range(i, n)]
         parts = {
             "inertia": ca.vertcat(*inertia),
@@ -72,24 +109,19 @@ class NonsmoothTerms:
             "positions": self._motor_positions,
             "entries": ca.vertcat(SX(0, 1), *self._entries),
         }
-        at = 0
+        place = 0
         for name, part in parts.items():
-            layout.places[name] = at
-            at += part.numel()
-        inputs = {"q": e.q, "va": e.va}
-        if e.loads.numel():
-            inputs["external_wrenches"] = e.loads
-        return SymbolicKernel(
-            "nonsmooth_terms",
-            inputs,
-            e.p,
-            ca.densify(ca.vertcat(*parts.values())),
-            ca.vertcat(*(SX(check) for check in [*checks.of_state, *checks.of_accelerations])),
-        )
+            self.layout.places[name] = place
+            place += part.numel()
+        return ca.vertcat(*parts.values())
 
     @property
     def _forces(self) -> SX:
-        """What acts on the coordinates but friction, dampers, motors and cables, shape (n,)."""
+        """Forces along the coordinates, shape (n,): -L^T times what the tree needs for aa = 0.
+
+        Weights, loads, springs and lines that also push are in it; friction, dampers, motors and
+        cables are not.
+        """
         e = self._e
         pulls_only = set(self._rows.cables.tolist())
         tensions = []
