@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Compiled kernels as the backend of a chain, each made at its first use.
 
-A kernel checks each sample: its loops are closed, no pivot is much smaller than in the sample
-configurations, all numbers are finite. Samples that fail go to the reference path, one by one.
+A *kernel* computes a quantity, such as the torques, for one sample or many. It checks each sample:
+its loops are closed, no pivot is much smaller than in the sample configurations, all numbers are
+finite. Samples that fail go to the reference path, one by one.
+
+The *key* of a kernel is a `Quantity`: a name, with a frame, loads or a smoothing width if it needs
+them. Its C is compiled in one or two *variants*: for single samples and for batches. Masses,
+friction and springs are parameters of the compiled code, so several kernels share one code.
 """
 
 import threading
@@ -115,14 +120,14 @@ class Variant(NamedTuple):
 
 
 class Variants(NamedTuple):
-    """The ways to compile a kernel; both may be the same."""
+    """The ways to compile a kernel, for single samples and for batches; both may be the same."""
 
     single: Variant
     batch: Variant
 
 
 class KernelCode(NamedTuple):
-    """The loaded code of a kernel; both may be the same."""
+    """The loaded code of a kernel, for single samples and for batches; both may be the same."""
 
     single: Code
     batch: Code
@@ -146,11 +151,13 @@ class CompiledBackend:
         self._near = near if _closed(reference, near) else None
         self._parameters = SymbolicParameters(self._mechanism)
         body = body_of(self._mechanism.model, platform)
-        #: Where a `platform_moment` stands among the wrenches [force; moment] of all bodies.
+        #: Index of a `platform_moment` among the wrenches [force; moment] of all bodies, or -1.
         self._moment = -1 if body is None else 6 * body + 3
+        # What was made so far; None where it is not possible.
         self._kernels: dict[Quantity, kernel_protocols.Kernel | None] = {}
-        self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Quantity, KernelCode | None] = {}
+        #: Equations by whether they are loaded, smooth and welded.
+        self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         #: The C of kernels of which one of the two variants is not compiled yet.
         self._sources: dict[Quantity, list[str]] = {}
         #: Why there is no kernel of a quantity.
@@ -167,7 +174,7 @@ class CompiledBackend:
         return "; ".join(parts)
 
     def make(self, keys: Sequence[Quantity] = FIRST) -> None:
-        """Load the kernels from the cache, or compile them."""
+        """Load the code of kernels from the cache, or compile it, in several threads."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
         variants: dict[Variant, None] = {}  # a set that keeps the order
@@ -427,10 +434,11 @@ class CompiledBackend:
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
         n = len(self._mechanism.coordinates)
-        # Eight directions at once are slower than four, if four are enough.
-        narrow = "avx2" if best == "avx512" else best
-        enough = narrow if n <= TARGETS[narrow][0] else best
-        by_directions = Variant(key._replace(along=True), enough)
+        # Direction by direction: eight directions at once are slower than four, if four are enough.
+        target = best
+        if best == "avx512" and n <= TARGETS["avx2"][0]:
+            target = "avx2"
+        by_directions = Variant(key._replace(along=True), target)
         if is_large(self._mechanism, key.name):
             return Variants(single=by_directions, batch=by_directions)
         whole = Variant(key, best)
