@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Inputs of the generator: sample configurations, and the fingerprint for the cache."""
+"""Inputs of the generator of kernels: sample configurations, and the fingerprint for the cache."""
 
 from dataclasses import is_dataclass
 from typing import Any
@@ -55,15 +55,27 @@ def fingerprint(
     frame: str | None = None,
     rows: NonsmoothRows | None = None,
 ) -> bytes:
-    """All that the kernels of a mechanism, of one of its frames, or of its rows, are made from.
+    """All that kernels are made from, exactly; equal fingerprints mean equal code.
 
-    Closures and lines name joints and frames, so the fingerprint has the properties of these.
+    Closures and lines name frames, so the fingerprint has the placements of these.
+
+    Args:
+        mechanism: The mechanism.
+        parameters: Its symbolic parameters. Their values are no part of the code.
+        near: The configuration near which pivots are chosen; by default the example.
+        frame: The frame of a quantity of a frame.
+        rows: The rows of a nonsmooth step.
     """
     model = mechanism.model
     lines = [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
     cables = mechanism.lines.pull_only.any()
-    named = {name for names in map(frames_of, mechanism.closures) for name in names}
-    named.update(*lines, () if frame is None else (frame,))
+    named = set[str]()  # names of frames
+    for closure in mechanism.closures:
+        named.update(frames_of(closure))
+    for ends in lines:
+        named.update(ends)
+    if frame is not None:
+        named.add(frame)
     nonsmooth: tuple[Any, ...] = ()
     if rows is not None:
         contacts = mechanism.contacts
