@@ -93,8 +93,9 @@ class ClosedChain(RobotProperties, Summary):
             of them. By default as many of the actuated joints as are independent at `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
         locked: Names of joints, or of single rates (see `rate_names`), that are fixed at
-            `pin.neutral`, or a mapping from them to their positions. The other rates of such a
-            joint become joints in series with their names: slides, then turns about x, y, z.
+            `pin.neutral`, or a mapping from them to their positions. If only some rates of a joint
+            are locked, each other rate becomes a joint of its own, named as in `rate_names`: first
+            slides, then turns.
         viscous_friction: D of each rate, shape (nv,); that of the model by default.
         coulomb_friction: F_c of each rate, shape (nv,); that of the model by default.
         stiffness: Stiffness of joint springs, shape (nv,), [N m/rad] or [N/m]; zero by default.
@@ -156,10 +157,11 @@ class ClosedChain(RobotProperties, Summary):
         self._fill(without_locked(model, locked) if locked else copied(model), mechanism)
 
     def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
-        """Take a tree, which becomes `model`, and the function that makes a mechanism of a tree.
+        """Set the tree `model` and all that follows from it: corrected placements and the engine.
 
-        The engine computes with a copy, so that edits of `model` count after `refresh` only. If
-        this robot had kernels, they are made again at their first use.
+        `mechanism` makes a mechanism of a tree. The engine computes with a copy of the tree, so
+        that edits of `model` take effect after `refresh` only. If this robot had kernels, they are
+        made again at their first use.
         """
         make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
         self._model = model
@@ -293,9 +295,9 @@ class ClosedChain(RobotProperties, Summary):
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, shape (...).
 
-        It is free of units, and infinite if the coordinates do not determine the motion. The worst
-        loop counts. For one dependent rate it compares the sizes of its column at q and at a
-        generic configuration.
+        It is free of units, and infinite if the coordinates do not determine the motion. The result
+        is the largest over all loops. A loop with one dependent rate has one singular value; it is
+        compared with that at a generic configuration.
         """
         return self._engine.loops.condition_numbers(self._engine.loops.configurations(q))
 
@@ -492,6 +494,8 @@ class ClosedChain(RobotProperties, Summary):
             array([0.166])
         """
         engine = self._engine
+        # The kernel is called with unchecked arguments: in a control loop, checks take longer. It
+        # gives no answer for wrong ones, and the checks of `engine.torques` find the reason.
         fast = external_wrenches is weights is preload is limits is None and on_error == "raise"
         kernel = engine.torque_kernel if fast else None
         if kernel is not None:
