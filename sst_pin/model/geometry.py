@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The geometry of a robot in parameters: placements of joints and frames, and lengths of links.
 
-A place is a joint, or a frame of a closure or line. A parameter moves a place. Moving a joint also
+A *place* is a joint, or a frame of a closure or line. A parameter displaces a place: "crank.x" by a
+coordinate of its position, "crank.length" all places at the end of a link. Displacing a joint also
 moves all bodies after it. A displacement is [linear; angular], shape (6,): linear along the axes of
 the body on which the place is, angular about the axes of the place itself.
 """
@@ -48,7 +49,7 @@ def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displacements:
-    """Displacements of places by changes of named parameters."""
+    """The displacement of each place by changes of named parameters, [m] and [rad]."""
     lengths = _lengths(mechanism)
     total: Displacements = {}
     for name, change in changes.items():
@@ -63,7 +64,11 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
 
 
 def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
-    """For each link with one end away from its joint: displacements that lengthen it by 1 m."""
+    """For each link with a length the displacements that lengthen it by 1 m.
+
+    A link has a length if all places on its body that are not at its joint are at one point, its
+    end. Then all frames there move, not only those of closures.
+    """
     model = mechanism.model
     # The places on each body that are not at its joint.
     places: dict[int, Displacements] = defaultdict(dict)
@@ -99,7 +104,10 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
 
 
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
-    """The displacement D of a place in its own axes: the new placement is `placement * D`."""
+    """The displacement as a placement D in the axes of the place: the new one is `placement * D`.
+
+    The angular part are turns about x, then y, then z.
+    """
     turn = np.eye(3)
     for axis_turn in np.diag(displacement[3:]):
         turn = turn @ pin.exp3(axis_turn)
@@ -130,10 +138,10 @@ def take_placements(model: pin.Model, source: pin.Model) -> None:
 
 
 def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Model:
-    """The tree with joints at rest, in series from the bodies to the places.
+    """The tree with additional joints at the places, which stay at zero.
 
-    The derivative by a change of the geometry equals the derivative by the position of such a
-    joint. The result has no named configurations.
+    They are in series between a body and the place. The derivative by a displacement of the place
+    equals the derivative by the position of such a joint. The result has no named configurations.
     """
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")

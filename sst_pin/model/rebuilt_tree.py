@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A tree built again joint by joint, with some joints fixed or replaced by several in series."""
+"""A tree built again joint by joint, with some joints fixed or replaced by several in series.
+
+In this module "place" is a placement, `pin.SE3`.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
