@@ -133,9 +133,10 @@ def excitation(
     center = np.zeros(shape)  # coefficients of the motion that has it
     result = None  # this motion
     for k in counted(range(tries), "excitation", tries):
+        # Coefficients of a random series.
         z = np.asarray(random.normal(size=shape) / count)
         if k >= tries * _RANDOM_TRIES and np.isfinite(best):
-            # Steps from the best series, which become shorter to the end.
+            # Now steps from the best series, which become shorter to the end.
             z *= 0.5 * np.abs(center).max() * count * (1 - k / tries)
             z += center
         candidate = series.within_limits(z, _FACTORS, coarse)

@@ -20,7 +20,7 @@ from .acting_elements import motors_of
 from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
 from .inertia_checks import inertia_notes
-from .joint_numbers import LIMITS, put_numbers, springs_of, updated
+from .joint_numbers import LIMITS, combined_numbers, put_numbers, springs_of
 from .problems import Problem, warning
 from .robot_file import RobotFile, naming, warn_of
 from .shapes import urdf_shapes
@@ -94,14 +94,14 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     for key in LIMITS:
         joints_with_limits.update(cuts.numbers.get(key, {}))
     notes = [
-        *_unused(model, cuts, urdf.marks),
+        *_replaced_marks(model, cuts, urdf.marks),
         *urdf.lost_limits(dict(cuts.joints), joints_with_limits),
     ]
 
     # Closures, and numbers of joints.
     with naming(source):
         loops = _loops(model, cuts, urdf.marks)
-        numbers = updated(urdf.numbers, cuts.numbers, cuts.fixed)
+        numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed)
         put_numbers(model, numbers)
 
     # Configurations by name, then the joints that are locked.
@@ -186,10 +186,10 @@ def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
     determined = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
     mimics = [mimic for mimic in urdf.mimics if mimic.joint not in determined]
     couplings = [*mimics, *urdf.marks.gears, *cuts.couplings]
-    return tuple(_unlocked(couplings, cuts.fixed, source))
+    return tuple(_couplings_that_move(couplings, cuts.fixed, source))
 
 
-def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
+def _replaced_marks(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
     """A warning of closures that the URDF marks and that the closures of the YAML replace."""
     names = [joint.name for joint in marks.joints]
     if cuts.closures:
@@ -231,7 +231,7 @@ def _moving_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator
             yield {tendon: moving}
 
 
-def _unlocked(
+def _couplings_that_move(
     couplings: Sequence[Coupling], locked: Collection[str], source: str
 ) -> Iterator[Coupling]:
     """The couplings that remain when some joints are locked at zero."""

@@ -19,7 +19,9 @@ JointNumbers = Mapping[str, Mapping[str, float]]
 LIMITS = ("lower", "upper", "effort", "velocity")
 
 
-def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str]) -> JointNumbers:
+def combined_numbers(
+    numbers: JointNumbers, others: JointNumbers, without: Collection[str]
+) -> JointNumbers:
     """Both numbers, where the second ones replace the first, without some joints."""
     result: dict[str, dict[str, float]] = {}
     for kind in (*numbers, *others):
