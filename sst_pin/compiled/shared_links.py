@@ -17,6 +17,7 @@ therefore only the parts that dependent rates give; what coordinates give is in 
 that define twists have b = 0.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 
 import casadi as ca
@@ -75,6 +76,10 @@ class _ByTwists:
         self._kinematics = kinematics
         self._links = kinematics.tree.links
         self._dependent = {j for block in blocks for j in block.columns}
+        links_of_rate = Counter(j for link in self._links for j in link.v)
+        #: Dependent rates that move one link relative to its parent. The rate of a joint that mimic
+        #: joints follow moves several: a row's entry for it is more than a part of one twist.
+        self._of_one_link = {j for j in self._dependent if links_of_rate[j] == 1}
         self._row, self._column = first
         #: Columns of the components of the twist of a link relative to another one, by both; None
         #: for components that are zero.
@@ -108,8 +113,10 @@ class _ByTwists:
     def _last_known(self, end: End, known: Set[int]) -> tuple[int, set[int]]:
         """The last link up to which all dependent rates are known, and these rates.
 
-        Known are the rates of earlier blocks. Links with coordinates only are passed.
+        Known are the rates of earlier blocks. Links with coordinates only are passed. A link whose
+        rate moves other links too counts as unknown.
         """
+        known = known & self._of_one_link
         last = end.base
         rates = set[int]()
         for link in self._path(end.base, end.link):

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import ClosedChain, robots
-from sst_pin.compiled import kernels
+from sst_pin import ClosedChain, Distance, robots
+from sst_pin.compiled import kernels, shared_links
 from sst_pin.compiled.elimination import Blocks, Definition, Factors, triangular_blocks
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
@@ -101,6 +101,48 @@ def test_loops_on_shared_links_move_as_on_the_reference_path(placed):
         assert (checks.full() <= 1).all()
         error = np.abs(output.full().ravel() - np.ravel(reference)).max()
         assert error < 1e-10 * np.abs(reference).max()
+
+
+def chain_with_mimic_joint():
+    """A planar chain of six joints on rods to the base; the last joint mimics the second one."""
+    random = np.random.default_rng(1)
+    model = pin.Model()
+    for k in range(6):
+        offset = pin.SE3(np.eye(3), np.array([0.4, 0.1, 0]))
+        joint = model.addJoint(k, pin.JointModelRZ(), offset, f"joint_{k}")
+        inertia = pin.Inertia(1.0, np.array([0.1, 0.05, 0.0]), 0.02 * np.eye(3))
+        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+    model = pin.transformJointIntoMimic(model, 2, 6, 0.7, 0.1)
+    q = pin.neutral(model) + 0.3 * random.normal(size=model.nq)
+    rods = []
+    for joint in (2, 3, 4, 6):
+        ends = {}
+        for name, body in (("ground", 0), ("end", joint)):
+            place = pin.SE3(np.eye(3), np.array([*random.normal(size=2), 0]))
+            ends[name] = model.addFrame(
+                pin.Frame(f"{name}_{joint}", body, place, pin.FrameType.OP_FRAME)
+            )
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q)
+        ground, end = (data.oMf[ends[name]].translation for name in ("ground", "end"))
+        length = float(np.linalg.norm(end - ground))
+        rods.append(Distance(f"ground_{joint}", f"end_{joint}", length))
+    model.referenceConfigurations["home"] = q
+    return ClosedChain(model, rods, ["joint_0"])
+
+
+def test_a_rate_that_moves_several_shared_links_counts_in_each(monkeypatch):
+    """Of a joint that a mimic joint follows, the twist of one link has only a part."""
+    monkeypatch.setattr(shared_links, "_WORTH", 0.0)  # twists, although so small a robot has none
+    chain = chain_with_mimic_joint()
+    kernel = kernels.make(equations(chain), "accelerations")
+    numbers = equations(chain).parameters.pack(chain.mechanism, chain.mechanism.friction)
+    run = ca.Function("run", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
+    result = float(run(chain.home, [1.0], [0.5], numbers))
+    # Two elimination orders of a well-conditioned system agree to some thousand roundings.
+    assert result == pytest.approx(
+        float(chain.compute_accelerations(chain.home, [1.0], [0.5])[0]), rel=1e-11
+    )
 
 
 @pytest.mark.parametrize("robot", [robots.scissor_lift, n_four_bar])
