@@ -965,9 +965,10 @@ class ClosedChain(RobotProperties, Summary):
             dt: Step, [s]; a negative step goes back in time.
             steps: Number of steps N; by default the number of torques.
             sign_width: As in `simulate`.
-            nonsmooth: Whether joints stop at their limits, dry friction sticks, and `contacts` and
-                `pulls_only` act; the result is a `NonsmoothRollout`. The error is then of first
-                order in dt; torques are constant in each step; `sign_width` is not used.
+            nonsmooth: Whether joints stop at their limits (planar, ball and free joints have no
+                stops), dry friction sticks, and `contacts` and `pulls_only` act; the result is a
+                `NonsmoothRollout`. The error is then of first order in dt; torques are constant in
+                each step; `sign_width` is not used.
             motor_stiffness: Gains of position control in the motors, shape (motors,), [N m/rad] or
                 [N/m], for `nonsmooth`. They are implicit, stable for any step: the motors give tau
                 + motor_stiffness (motor_positions - positions) - motor_damping times their rates.

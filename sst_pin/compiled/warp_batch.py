@@ -225,9 +225,10 @@ class WarpBatch:
             dt: [s]; a negative step goes back in time.
             substeps: Number of Runge-Kutta steps.
             sign_width: Rates within which Coulomb friction is smooth, [rad/s] or [m/s].
-            nonsmooth: Whether joints stop at their limits, dry friction sticks, and contacts, ropes
-                and cables act, by the steps of `ClosedChain.rollout(..., nonsmooth=True)`. Give the
-                result as the next `state`: its impulses are where the solver starts.
+            nonsmooth: Whether joints stop at their limits (planar, ball and free joints have no
+                stops), dry friction sticks, and contacts, ropes and cables act, by the steps of
+                `ClosedChain.rollout(..., nonsmooth=True)`. Give the result as the next `state`: its
+                impulses are where the solver starts.
             motor_stiffness: Gains of position control in the motors, shape (motors,), as those of
                 `ClosedChain.rollout`, for `nonsmooth`.
             motor_damping: Gains of the rates, shape (motors,).
