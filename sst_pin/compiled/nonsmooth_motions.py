@@ -16,9 +16,21 @@ from ..model.mechanism import Mechanism
 from .libraries import Code
 from .symbolic_parameters import SymbolicParameters
 
-#: Largest change of det Phi_u in a step, a factor, and smallest det Phi_u, as a part of the largest
-#: at the sample configurations; other steps are left to the reference path.
-DETERMINANT_CHANGE, LEAST_DETERMINANT = 1.5, 0.2
+# Phi_u are the columns of Phi for the dependent rates. Steps beyond these limits are left to the
+# reference path.
+#: Largest factor by which det Phi_u changes in a step.
+DETERMINANT_CHANGE = 1.5
+#: Smallest det Phi_u, as a part of the largest at the sample configurations.
+LEAST_DETERMINANT = 0.2
+#: The most threads of a call.
+_MOST_THREADS = 64
+
+
+class _Prepared(NamedTuple):
+    """Code with the array p of one robot."""
+
+    code: Code
+    p: Array
 
 
 class NonsmoothCode:
@@ -34,7 +46,8 @@ class NonsmoothCode:
     ) -> None:
         self._lanes = lanes
         numbers = parameters.pack(mechanism, mechanism.friction)
-        self._codes = [(code, code.prepared(numbers)) for code in (single, batch)]
+        self._single = _Prepared(single, single.prepared(numbers))
+        self._batch = _Prepared(batch, batch.prepared(numbers))
         self._parameters = parameters
 
     def run(self, rows: NonsmoothRows, motions: NonsmoothArrays, threads: int) -> Indices:
@@ -44,10 +57,12 @@ class NonsmoothCode:
         numbers = parameter_values(rows, self._parameters, p[None])
         count = len(motions.q)
         reached = np.zeros(count, dtype=np.intp)
-        workers = min(threads, -(-count // self._lanes), 64)
+        vectors = -(-count // self._lanes)  # rounded up, as below
+        workers = min(threads, vectors, _MOST_THREADS)
         if workers < 2:
             self._run(numbers, motions, reached)
             return reached
+        # Each thread gets whole vectors of motions.
         size = -(-count // (workers * self._lanes)) * self._lanes
         parts = [slice(k, k + size) for k in range(0, count, size)]
         with ThreadPoolExecutor(workers) as pool:
@@ -55,23 +70,36 @@ class NonsmoothCode:
         return reached
 
     def _run(self, numbers: Array, motions: NonsmoothArrays, reached: Indices) -> None:
-        code, p = self._codes[len(motions.q) > 1]
-        function = ctypes.CFUNCTYPE(
-            None,
-            *[ctypes.c_void_p] * 2,
-            ctypes.c_double,
-            *[ctypes.c_ssize_t] * 2,
-            *[ctypes.c_void_p] * 9,
-        )(code.address("run"))
-        arrays = *motions[1:], reached
+        """Call `run` of entries/nonsmooth.c; `reached` gets the numbers of steps."""
         count, steps = motions.residual.shape
+        code, p = self._single if count == 1 else self._batch
+        pointers: list[Array | Indices | None] = [
+            motions.tau,
+            motions.positions,
+            motions.load,
+            motions.q,
+            motions.va,
+            motions.forces,
+            motions.residual,
+            motions.impulses,
+            reached,
+        ]
+        function = ctypes.CFUNCTYPE(
+            None,  # it returns nothing
+            ctypes.c_void_p,  # p
+            ctypes.c_void_p,  # numbers
+            ctypes.c_double,  # dt
+            ctypes.c_ssize_t,  # steps
+            ctypes.c_ssize_t,  # count
+            *[ctypes.c_void_p for _ in pointers],
+        )(code.address("run"))
         function(
             p.ctypes.data,
             numbers.ctypes.data,
             motions.dt,
             steps,
             count,
-            *(None if array is None else array.ctypes.data for array in arrays),
+            *(None if array is None else array.ctypes.data for array in pointers),
         )
 
 
