@@ -98,21 +98,14 @@ class PartlyLocked(Series):
     def __init__(self, joint: Any, locked: Mapping[int, float]) -> None:
         kind = joint.shortname()
         suffixes = kind_of(joint).v
-        if kind == "JointModelUniversal":
-            axes = joint.extract()
-            models = [pin.JointModelRevoluteUnaligned(axis) for axis in (axes.axis1, axes.axis2)]
-        else:
-            models = [model() for model in _SINGLES.get(kind, ())]
-        if not models:
-            problem = "only whole joints of this type can be locked; build it as joints in series"
-            raise InputError("locked", f"{kind.removeprefix('JointModel')}: {problem}")
+        models = _single_joints(joint)  # one for each rate, in the order of the rates
 
         # The first of the three turns of a ball or a free-flyer; other joints have none.
         first_turn = {"JointModelFreeFlyer": 3, "JointModelSpherical": 0}.get(kind, len(models))
         all_turns = range(first_turn, len(models))
         # Locked turns come last.
         turns = [k for k in all_turns if k not in locked] + [k for k in all_turns if k in locked]
-        is_ball = bool(turns) and locked.keys().isdisjoint(turns)
+        is_ball = bool(turns) and locked.keys().isdisjoint(turns)  # no turn is locked
         #: Axes of the turns in their order, 0 for x; empty if q has no quaternion.
         self._turn_axes = [k - first_turn for k in turns]
 
@@ -149,6 +142,18 @@ class PartlyLocked(Series):
             else:  # a planar joint ends with cosine and sine
                 positions[k] = np.array([np.arctan2(q[-1], q[-2])])
         return positions
+
+
+def _single_joints(joint: Any) -> list[Any]:
+    """New joints of one axis each that together move as a joint does, one for each of its rates."""
+    kind = joint.shortname()
+    if kind == "JointModelUniversal":
+        axes = joint.extract()
+        return [pin.JointModelRevoluteUnaligned(axis) for axis in (axes.axis1, axes.axis2)]
+    if kind not in _SINGLES:
+        problem = "only whole joints of this type can be locked; build it as joints in series"
+        raise InputError("locked", f"{kind.removeprefix('JointModel')}: {problem}")
+    return [model() for model in _SINGLES[kind]]
 
 
 def _angles(quaternion: Array, order: Sequence[int]) -> Array:
