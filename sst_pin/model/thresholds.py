@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Thresholds of both paths: when loops are closed, ranks full, and joints at rest."""
 
-#: Loops with a larger error are open, relative to their length or in [rad].
+#: Loops with a larger error are open. Errors in [m] are relative to the length of the loops, errors
+#: of angles are in [rad].
 CLOSURE_TOLERANCE = 1e-6
 #: Smaller errors of loops, relative to their length or in [rad], and smaller singular values of Phi
 #: may come from rounded placements: a file with three digits after the point.
@@ -34,13 +35,15 @@ WITHOUT_MASS = 1e-20
 #: A component of a reaction is unique if inner stresses of size one change it by less, free of
 #: units. Loops that are open by their tolerance change it by about that.
 UNIQUE = 1e-5
-#: Lines that are shorter have no direction, relative to the length of the robot.
+#: Lines that are shorter than this part of the robot's length have no direction.
 LEAST_LENGTH = 1e-9
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
 #: Coordinates are kept, or used again, while the condition number of the dependent joints is below
-#: the first number. Other coordinates must be better by the second, a factor.
-WELL_CONDITIONED, MARGIN = 20.0, 4.0
+#: this number.
+WELL_CONDITIONED = 20.0
+#: Other coordinates must have a condition number that is smaller by this factor.
+MARGIN = 4.0
 #: Largest correction that closes the loops after a step of a rollout, relative to the step. A
 #: larger one means that the step is too long for the curvature of the motion.
 BEND = 0.003
