@@ -168,7 +168,7 @@ class CompiledBackend:
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
-        parts = [f"compiled kernels: {target}, {TARGETS[target][0]} samples at once"]
+        parts = [f"compiled kernels: {target}, {TARGETS[target].lanes} samples at once"]
         for key, why in self._why.items():
             parts.append(f"{key} by the reference path: {' '.join(why.split())}")  # in one line
         return "; ".join(parts)
@@ -271,7 +271,7 @@ class CompiledBackend:
                     self._parameters,
                     self._nonsmooth_code(rows, loaded, SINGLE[best]),
                     self._nonsmooth_code(rows, loaded, best),
-                    TARGETS[best][0],
+                    TARGETS[best].lanes,
                 )
             except SSTError as error:
                 self._nonsmooth[loaded] = None
@@ -289,7 +289,7 @@ class CompiledBackend:
             except ImportError:
                 raise MissingExtraError("casadi", "compile") from None
             with self._lock:
-                lanes = TARGETS[target][0]
+                lanes = TARGETS[target].lanes
                 return nonsmooth_c.library("nonsmooth", self._equations_of(key), rows, lanes)
 
         name = f"nonsmooth{'_loaded' if loaded else ''}"
@@ -434,15 +434,16 @@ class CompiledBackend:
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
         n = len(self._mechanism.coordinates)
-        # Direction by direction: eight directions at once are slower than four, if four are enough.
+        # Direction by direction, in the lanes of a vector. Eight directions at once are slower than
+        # four, if four are enough.
         target = best
-        if best == "avx512" and n <= TARGETS["avx2"][0]:
+        if best == "avx512" and n <= TARGETS["avx2"].lanes:
             target = "avx2"
         by_directions = Variant(key._replace(along=True), target)
         if is_large(self._mechanism, key.name):
             return Variants(single=by_directions, batch=by_directions)
         whole = Variant(key, best)
-        if key.properties.smooth and 1 < n <= _MOST_PASSES * TARGETS[best][0]:
+        if key.properties.smooth and 1 < n <= _MOST_PASSES * TARGETS[best].lanes:
             return Variants(single=by_directions, batch=whole)
         return Variants(single=Variant(key, SINGLE[best]), batch=whole)
 
@@ -453,7 +454,7 @@ class CompiledBackend:
         if key.frame is not None:
             content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
-        options = [f"-DLANES={TARGETS[target][0]}"]
+        options = [f"-DLANES={TARGETS[target].lanes}"]
         if key.properties.smooth:
             options += LONG
         sources = partial(self._sources_of, key)

@@ -9,19 +9,30 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import CompilationError, install_command
 
 _AVX2 = ("-mavx2", "-mfma")
 _AVX512 = ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-width=512")
-#: Number of samples in a vector and options of the compiler, for each instruction set.
+
+
+class Target(NamedTuple):
+    """An instruction set with a number of samples in a vector."""
+
+    lanes: int
+    #: Options of the compiler.
+    options: tuple[str, ...]
+
+
 TARGETS = {
-    "avx512": (8, _AVX512),
-    "avx2": (4, _AVX2),
-    "plain": (2, ()),
-    "avx2_one": (1, _AVX2),
-    "plain_one": (1, ()),
-    "scalar": (1, ("-O1",)),  # C by CasADi: with more it takes twice as long and runs no faster
+    "avx512": Target(8, _AVX512),
+    "avx2": Target(4, _AVX2),
+    "plain": Target(2, ()),
+    "avx2_one": Target(1, _AVX2),
+    "plain_one": Target(1, ()),
+    # For C by CasADi: with more optimisation it compiles twice as long and runs no faster.
+    "scalar": Target(1, ("-O1",)),
 }
 #: The target for a single sample: scalars take less time than a vector of equal numbers.
 SINGLE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}

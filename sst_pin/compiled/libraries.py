@@ -37,7 +37,7 @@ _CODE = (
 _MOST_SIZES = 8
 _CURE = "set XDG_CACHE_HOME to another folder"
 _log = logging.getLogger(__name__)
-#: The libraries that this process has loaded, by their places.
+#: The libraries that this process has loaded, by their paths.
 _loaded: dict[Path, ctypes.CDLL] = {}
 _ANNOUNCING = threading.Lock()
 
@@ -151,7 +151,7 @@ def load(
         if library is None:
             _announce(robot)
             _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot, target)
-            library = _compiled(path, sources(), (*TARGETS[target][1], *options))
+            library = _compiled(path, sources(), (*TARGETS[target].options, *options))
         _loaded[path] = library
     return _loaded[path]
 
