@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -53,8 +53,12 @@ const tangent = Math.tanh, sign = (x, rest) => x > rest ? 1 : x < -rest ? -1 : 0
 const direction = (x, width, rest) => width > 0 ? tangent(x / width) : sign(x, rest);
 const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, rest);
 """
-#: The most choices of coordinates and pivots, the walks that look for them, and steps of a walk.
-_MOST, _WALKS, _STEPS = 4, 6, 50
+#: The most choices of coordinates and pivots.
+_MOST = 4
+#: Walks that look for them.
+_WALKS = 6
+#: Steps of a walk.
+_STEPS = 50
 #: The pivots of a choice are small where their check is larger.
 _SMALL = 1e-3
 #: Statements of a function that browsers optimise.
@@ -148,38 +152,41 @@ def page_code(equations: Sequence[Equations]) -> str:
     first = equations[0]
     if problem := impossible(first.mechanism, "accelerations"):
         raise DescriptionError("a page that answers", [problem])
-    common = list(_common(first))
-    if first.driven:
-        common.append(replace(kernels.make(first, "torques"), name="torques"))
     has_contacts = not first.mechanism.contacts.none
-    sets = [common]
-    layouts = []
-    texts = []
-    listed = []
-    for e in equations:
-        dynamics = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
-        results = e.kinematics.q_rates(e.v), column(e.v, range(e.mechanism.model.nv))
-        dynamics.append(_kernel(e, "rates", {"q": e.q, "va": e.va}, *results))
+
+    common_kernels = list(_common(first))
+    if first.driven:
+        common_kernels.append(replace(kernels.make(first, "torques"), name="torques"))
+    common = _functions(common_kernels, "f0")
+    definitions = [common.definitions]
+    sets = []
+    for i, e in enumerate(equations, start=1):
         layout = "null"
+        kernels_of_set = _dynamics(e)
         if has_contacts:
             terms = NonsmoothTerms(e, _rows(e.mechanism))
-            dynamics.append(replace(terms.kernel(Checks(e)), name="terms"))
+            kernels_of_set.append(replace(terms.kernel(Checks(e)), name="terms"))
             layout = json.dumps(asdict(terms.layout))
-        sets.append(dynamics)
-        layouts.append(layout)
-    for i, own_kernels in enumerate(sets):
-        written = [_function(kernel, f"f{i}_{kernel.name}") for kernel in own_kernels]
-        texts += [text for text, _ in written]
-        listed.append("{" + ", ".join(described for _, described in written) + "}")
-    rows = [
-        f"{{coordinates: {e.mechanism.coordinates.tolist()}, parts: {_parts(e.mechanism)}, "
-        f"layout: {layout}, kernels: {described}}}"
-        for e, layout, described in zip(equations, layouts, listed[1:], strict=True)
-    ]
+        functions = _functions(kernels_of_set, f"f{i}")
+        definitions.append(functions.definitions)
+        sets.append(
+            f"{{coordinates: {e.mechanism.coordinates.tolist()}, parts: {_parts(e.mechanism)}, "
+            f"layout: {layout}, kernels: {functions.listed}}}"
+        )
     elements = json.dumps(_elements(first)) if has_contacts else "null"
-    functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}], nonsmooth: {elements}}}"
-    code = f"{_HELPERS}{''.join(texts)}return {functions};"
+    result = f"{{common: {common.listed}, sets: [{', '.join(sets)}], nonsmooth: {elements}}}"
+    code = f"{_HELPERS}{''.join(definitions)}return {result};"
     return f"const sst_functions = (() => {{\n{code}\n}})();\n"
+
+
+def _dynamics(e: Equations) -> list[SymbolicKernel]:
+    """The kernels of direct dynamics by one choice of coordinates and pivots."""
+    state_rate = replace(kernels.make(e, "state_rate"), name="state_rate")
+    closing = replace(kernels.make(e, "closing"), name="closing")
+    q_dot = e.kinematics.q_rates(e.v)
+    v = column(e.v, range(e.mechanism.model.nv))
+    rates = _kernel(e, "rates", {"q": e.q, "va": e.va}, q_dot, v)
+    return [state_rate, closing, rates]
 
 
 def _rows(mechanism: Mechanism) -> NonsmoothRows:
@@ -222,15 +229,19 @@ def _elements(e: Equations) -> dict[str, Any]:
 
 def _parts(mechanism: Mechanism) -> str:
     """Dependent rates in parts that the loops connect, and the usual size of each part of Phi."""
-    parts = Loops(mechanism.model, mechanism.closures).parts(mechanism.coordinates)
-    each = (
-        f"{{rates: {part[1].tolist()}, size: {mechanism.usual_size(*part)!r}}}" for part in parts
-    )
-    return f"[{', '.join(each)}]"
+    parts = []
+    loops = Loops(mechanism.model, mechanism.closures)
+    for rows, rates in loops.parts(mechanism.coordinates):
+        size = mechanism.usual_size(rows, rates)
+        parts.append(f"{{rates: {rates.tolist()}, size: {size!r}}}")
+    return f"[{', '.join(parts)}]"
 
 
 def _common(e: Equations) -> Iterator[SymbolicKernel]:
-    """Functions that do not depend on the choice of coordinates; q_dot and v are given."""
+    """Functions that do not depend on the choice of coordinates.
+
+    They are placements of links, their rates for q_dot, energies for v, and Phi without units.
+    """
     kinematics = e.kinematics
     model = e.mechanism.model
     mechanism = e.mechanism
@@ -252,6 +263,26 @@ def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> Sy
     """A function without checks."""
     output = ca.densify(ca.vertcat(*map(SX, results)))
     return SymbolicKernel(name, inputs, e.p, output, SX(0, 1))
+
+
+class _Functions(NamedTuple):
+    """JavaScript of several kernels."""
+
+    #: The definitions of their functions.
+    definitions: str
+    #: An object with the description of each kernel by its name.
+    listed: str
+
+
+def _functions(some_kernels: Sequence[SymbolicKernel], prefix: str) -> _Functions:
+    """JavaScript of kernels, with functions whose names begin with the prefix."""
+    definitions = []
+    descriptions = []
+    for kernel in some_kernels:
+        text, description = _function(kernel, f"{prefix}_{kernel.name}")
+        definitions.append(text)
+        descriptions.append(description)
+    return _Functions("".join(definitions), "{" + ", ".join(descriptions) + "}")
 
 
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
