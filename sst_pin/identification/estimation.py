@@ -393,6 +393,7 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         unseen: A motion with measured torques that the estimate has not seen.
     """
     require_robot("chain", chain)
+    require_motion(unseen, chain.mechanism, "unseen")
     require_estimate(chain, found)
     errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
     error = np.sqrt(np.mean(errors**2, axis=0))
