@@ -5,7 +5,8 @@
     python scripts/benchmark/gpu.py --robots ankle --out gpu.json
     python scripts/benchmark/gpu.py --contacts --out contacts.json          # bipeds that stand up
     python scripts/benchmark/gpu.py --contacts --device cpu --samples 16    # a try without a GPU
-    python scripts/benchmark/gpu.py --resources --arch 90       # no GPU: registers and code size
+    python scripts/benchmark/gpu.py --resources --arch 90       # no GPU: registers, stack, code
+    python scripts/benchmark/gpu.py --resources --robots cassie --dtypes float64
     python scripts/benchmark/gpu.py --page gpu.json             # write the tables of docs/gpu.md
 
 Motions start from 64 states near home with the torques that hold the robot there; `ended` counts
@@ -56,7 +57,15 @@ Row = dict[str, Any]
 
 
 def robot_of(name: str) -> sst_pin.ClosedChain:
-    return sst_pin.SST() if name == "sst" else getattr(sst_pin.robots, name)()
+    """The SST, a floating Cassie ("cassie"), or a robot of the gallery."""
+    if name == "sst":
+        return sst_pin.SST()
+    if name == "cassie":
+        sys.path.append(str(ROOT / "examples"))
+        from benchmark_robots import cassie_of_mujoco
+
+        return cassie_of_mujoco()
+    return getattr(sst_pin.robots, name)()
 
 
 # --- what a kernel needs ----------------------------------------------------------------------
@@ -108,7 +117,10 @@ def binary_numbers(binary: bytes, kernel: str) -> Row:
 def resources(name: str, batch: warp_batch.WarpBatch, arch: int) -> list[Row]:
     """What the machine code of a robot's kernels needs, without a GPU."""
     rows = []
-    for label, key in KERNELS.items():
+    of_robot = KERNELS
+    if len(robot_of(name).motor_names) < robot_of(name).degrees_of_freedom:
+        of_robot = KERNELS | {"torques": Quantity("generalized_forces")}
+    for label, key in of_robot.items():
         module, start = batch.module(key), perf_counter()
         with tempfile.TemporaryDirectory() as folder:
             wp.compile_aot_module(module, arch=arch, module_dir=folder, use_ptx=False)
@@ -294,10 +306,11 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
 
 def resource_table(rows: list[Row]) -> list[tuple[str, ...]]:
     """Resources of machine code, in a form to read."""
-    lines = [("robot", "operations", "registers", "stack, bytes", "code, kB")]
+    head = ("operations", "registers", "stack, bytes", "code, kB")
+    lines = [("robot", "numbers", "kernel", *head)]
     for row in rows:
         numbers = row["operations"], row["registers"], row["stack"], round(row["code"] / 1000)
-        lines.append((row["robot"], *map(str, numbers)))
+        lines.append((row["robot"], row["dtype"], row["kernel"], *map(str, numbers)))
     return lines
 
 

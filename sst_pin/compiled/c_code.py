@@ -19,6 +19,7 @@ from .c_statements import OF_PARAMETERS, OF_SAMPLE, written
 from .compiled_states import CHANGE, NEARBY
 from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
+from .recomputation import with_cheap_results_again
 
 #: Arguments of the functions of passes.
 _OF_PASSES = (
@@ -105,7 +106,12 @@ class KernelSource(NamedTuple):
 
 
 def body(
-    kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, in_memory: bool = False
+    kernel: SymbolicKernel,
+    size: int | None = None,
+    suffix: str = "",
+    *,
+    in_memory: bool = False,
+    recompute: bool = False,
 ) -> KernelSource:
     """The C of a kernel.
 
@@ -114,6 +120,8 @@ def body(
         size: Size of p before the constants of this kernel; that of the parameters by default.
         suffix: The suffix of literals, "f" in single precision.
         in_memory: Whether results that are used much later are kept in an array, in GNU C.
+        recompute: Whether results that are cheap are computed again instead of kept, for GPUs. Long
+            functions stay as they are: their parts hand results on in an array.
     """
     writer = written(kernel, size, suffix)
     name = kernel.name
@@ -129,6 +137,7 @@ def body(
         lines=writer.lines[OF_SAMPLE],
         room=writer.room,
         arranged=arranged,
+        recompute=recompute,
     )
     if kernel.along is None:
         return KernelSource(f"{constants}\n{once.text}", writer.size, once.room)
@@ -141,6 +150,7 @@ def body(
             lines=writer.lines[k],
             room=part.results.numel() + part.checks.numel(),
             arranged=arranged,
+            recompute=recompute,
         )
         passes.append(function)
     return KernelSource(
@@ -168,6 +178,7 @@ def _function(
     lines: Sequence[str],
     room: int,
     arranged: Callable[[Sequence[str]], list[str]],
+    recompute: bool,
 ) -> _Function:
     """A function of some statements.
 
@@ -178,6 +189,8 @@ def _function(
     unused = " ".join(f"(void){x};" for x in names if x != "y")  # against warnings of the compiler
     head = f"{storage} void {name}({arguments})"
     if len(lines) <= statements.LARGEST:
+        if recompute:
+            lines = with_cheap_results_again(lines)
         body_lines = arranged(statements.together(lines))
         return _Function(statements.function(head, [unused, *body_lines]), room)
     parts, handed_on = statements.in_parts(statements.pieces(lines))

@@ -106,7 +106,7 @@ def _module(
     of_passes = 0
     texts = list[str]()
     for kernel in kernels:
-        source = c_code.body(kernel, size, style.suffix)
+        source = c_code.body(kernel, size, style.suffix, recompute=True)
         size = source.size
         room = max(room, source.room)
         of_passes = source.room_of_passes

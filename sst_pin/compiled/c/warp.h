@@ -25,6 +25,19 @@ HELPER strided column(const rows &p, int i)
     return {p.data + (samples > 1 ? i : 0), samples};
 }
 
+/* x; the compiler for a GPU does not know that it is x, so that it keeps no result for it. */
+HELPER real again(real x)
+{
+#ifdef __CUDA_ARCH__
+#ifdef SINGLE
+    asm volatile("" : "+f"(x));
+#else
+    asm volatile("" : "+d"(x));
+#endif
+#endif
+    return x;
+}
+
 HELPER number &at(const rows &a, int i, int j)
 {
     return *(number *)((char *)a.data + i * (size_t)a.strides[0] + j * (size_t)a.strides[1]);
