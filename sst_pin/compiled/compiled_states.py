@@ -163,7 +163,17 @@ class CompiledStateSpace(StateSpace):
         """Fill the states of motions as far as the kernel computes them well, and count them."""
         # For each state: det Phi_u, and 1 if the step from it is sound, else 0.
         verdicts = np.empty((*motions.q.shape[:2], 2))
-        reached = kernel.run(*motions, verdicts, min(threads, sys.maxsize))
+        reached = kernel.run(
+            motions.dt,
+            motions.q0,
+            motions.va0,
+            motions.tau,
+            motions.load,
+            motions.q,
+            motions.va,
+            verdicts,
+            min(threads, sys.maxsize),
+        )
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise q
         determinants = verdicts[..., 0]
         sound = verdicts[:, :-1, 1] > 0
@@ -221,8 +231,8 @@ class CompiledStateSpace(StateSpace):
         with np.errstate(divide="ignore", invalid="ignore"):
             levels = np.floor(np.log(half / sizes) / np.log(CHANGE))
         levels = np.where(levels >= 0, levels, -1)  # above half the usual size, or NaN
-        lowest_so_far = np.maximum.accumulate(levels, axis=1)
-        return np.asarray(np.diff(lowest_so_far, axis=1, prepend=-1) > 0)
+        highest_so_far = np.maximum.accumulate(levels, axis=1)
+        return np.asarray(np.diff(highest_so_far, axis=1, prepend=-1) > 0)
 
     @cached_property
     def _usual_size(self) -> float:
