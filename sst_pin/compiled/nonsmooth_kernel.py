@@ -303,6 +303,11 @@ class NonsmoothTerms:
 
 
 def advance(e: Equations) -> SymbolicKernel:
-    """Rates of q for rates of the coordinates."""
-    rates = ca.densify(e.kinematics.q_rates(e.v))
-    return SymbolicKernel("advance", {"q": e.q, "va": e.va}, e.p, rates, SX(0, 1))
+    """The kernel of the rates of q for rates of the coordinates."""
+    return SymbolicKernel(
+        name="advance",
+        inputs={"q": e.q, "va": e.va},
+        parameters=e.p,
+        output=ca.densify(e.kinematics.q_rates(e.v)),
+        checks=SX(0, 1),
+    )

@@ -261,8 +261,13 @@ def _common(e: Equations) -> Iterator[SymbolicKernel]:
 
 def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> SymbolicKernel:
     """A function without checks."""
-    output = ca.densify(ca.vertcat(*map(SX, results)))
-    return SymbolicKernel(name, inputs, e.p, output, SX(0, 1))
+    return SymbolicKernel(
+        name=name,
+        inputs=inputs,
+        parameters=e.p,
+        output=ca.densify(ca.vertcat(*map(SX, results))),
+        checks=SX(0, 1),
+    )
 
 
 class _Functions(NamedTuple):
@@ -288,22 +293,26 @@ def _functions(some_kernels: Sequence[SymbolicKernel], prefix: str) -> _Function
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     """The functions of a kernel, whose names begin with `name`, and their description."""
     writer = c_statements.written(kernel)
-    lines = {kind: list(map(_in_javascript, of_kind)) for kind, of_kind in writer.lines.items()}
-    parts, room = statements.in_parts(statements.pieces(lines[c_statements.OF_SAMPLE], _LARGEST))
-    texts = [
-        statements.function(f"function {name}_constants(p)", lines[c_statements.OF_PARAMETERS])
-    ]
+    of_parameters = list(map(_in_javascript, writer.lines[c_statements.OF_PARAMETERS]))
+    of_sample = list(map(_in_javascript, writer.lines[c_statements.OF_SAMPLE]))
+    parts, room = statements.in_parts(statements.pieces(of_sample, _LARGEST))
+    texts = [statements.function(f"function {name}_constants(p)", of_parameters)]
     for k, part in enumerate(parts):
         texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", part))
-    sizes: dict[str, Any] = {"inputs": [x.numel() for x in kernel.inputs.values()]}
-    sizes |= {"output": kernel.output.numel(), "checks": kernel.checks.numel()}
-    sizes |= {"size": writer.size, "room": room}
+    sizes: dict[str, Any] = {
+        "inputs": [x.numel() for x in kernel.inputs.values()],
+        "output": kernel.output.numel(),
+        "checks": kernel.checks.numel(),
+        "size": writer.size,
+        "room": room,
+    }
     functions = ", ".join(f"{name}_{k}" for k in range(len(parts)))
     described = f"{json.dumps(sizes)[1:-1]}, constants: {name}_constants, parts: [{functions}]"
     return "".join(texts), f"{kernel.name}: {{{described}}}"
 
 
 def _in_javascript(line: str) -> str:
+    """A statement in C as JavaScript."""
     for pattern, words in _WORDS:
         line = pattern.sub(words, line)
     return line
