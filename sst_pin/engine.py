@@ -93,8 +93,12 @@ class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
     Each quantity has a method, with the arguments that `ClosedChain` describes. It asks the kernel
-    of the quantity first. The reference path computes all samples that the kernel does not vouch
-    for; it finds the answer or raises the error.
+    of the quantity first. The reference path computes all samples for which the kernel gives no
+    result; it finds the result or raises the error.
+
+    Some methods have an argument `refused`. In control loops `ClosedChain` asks the kernel itself
+    (`torque_kernel` and so on). If this gave no answer, it calls the method with `refused=True`, so
+    that the kernel is not asked again.
 
     Args:
         mechanism: The mechanism.
@@ -187,10 +191,7 @@ class Engine:
         refused: bool = False,
         **options: Unpack[LoadOptions],
     ) -> Array:
-        """Motor torques of a motion, shape (..., motors).
-
-        `refused` says that `torque_kernel` was asked before and gave no answer.
-        """
+        """Motor torques of a motion, shape (..., motors)."""
         of_sample: Callable[..., Array] = self.reference.torques
         if weights is not None:
             of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
@@ -214,7 +215,7 @@ class Engine:
         refused: bool = False,
         **options: Unpack[LoadOptions],
     ) -> Array:
-        """Forces along the coordinates that a motion needs, shape (..., n); `refused` as above."""
+        """Forces along the coordinates that a motion needs, shape (..., n)."""
         key = _key("generalized_forces")
         of_sample = self.reference.generalized_forces
         vectors = {"va": va, "aa": aa}
@@ -229,7 +230,7 @@ class Engine:
         refused: bool = False,
         **options: Unpack[LoadOptions],
     ) -> Array:
-        """Accelerations of the coordinates for torques, shape (..., n); `refused` as above."""
+        """Accelerations of the coordinates for torques, shape (..., n)."""
         key = _key("accelerations")
         of_sample = self.reference.accelerations
         vectors = {"va": va, "tau": tau}
@@ -576,9 +577,10 @@ class Engine:
     def _slope_of_arms(
         self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
     ) -> Array:
-        """Derivative of the generalized forces of wrenches at frames by q, as the arms turn.
+        """Derivative of the generalized forces of wrenches at frames by q, shape (..., n, n).
 
-        It is what derivatives for constant wrenches at the mass centres lack, shape (..., n, n).
+        It is the part that comes from the arms, the vectors from mass centres to frames, which turn
+        with their bodies. Derivatives for constant wrenches at the mass centres do not have it.
         """
         slope = np.zeros((self._n, self._n))
         for name, value in wrenches.items():
@@ -604,12 +606,20 @@ class Engine:
         threads: int,
         on_error: str,
     ) -> Array:
-        """Results of checked arrays: by the kernel, and by `of_sample` where it does not vouch.
+        """Results of checked arrays: by the kernel, and by `of_sample` where it gives none.
 
-        The numbers of axes of one sample are `axes`.
-        `refused` says that `Kernel.answer` gave no answer for these arguments. A single sample
-        then has failed a check of the kernel, so that only the reference path remains; unless the
-        kernel refused because `out` overlaps an argument.
+        Args:
+            of_sample: The reference path: computes one sample from an array of each of `samples`.
+            samples: Arrays with a sample or a batch, None for no loads.
+            axes: Number of axes of one sample, for each of `samples`.
+            shape: Shape of the result of one sample.
+            kernel: The kernel, None if there is none.
+            refused: Whether `Kernel.answer` gave no answer for these arguments. A single sample has
+                then failed a check of the kernel, so that only the reference path remains; unless
+                the kernel refused because `out` overlaps an argument.
+            out: As for `ClosedChain`, like the others.
+            threads: For batches in kernels.
+            on_error: "raise" or "nan".
         """
         require_policy(on_error)
         threads = whole_number("threads", threads, 1)
@@ -640,7 +650,7 @@ def _answer(
     out: Array | None,
     threads: int,
 ) -> tuple[bool, Array | None]:
-    """Whether the kernel was asked, and its answer in the shape of the quantity.
+    """Whether the kernel was asked, and its answer in the shape of the quantity, or None.
 
     It is not asked if there are more than two vectors, or if `out` is to hold matrices.
     """
