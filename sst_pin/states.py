@@ -376,7 +376,11 @@ class StateSpace:
         correction = self._largest_displacement(predicted, closed)
         length = self._largest_displacement(q, closed)
         if correction > BEND * length + CLOSURE_TOLERANCE:
-            raise StepError("the step is too long for the curvature of the motion; shorten dt")
+            raise StepError(
+                "the step is too long for the curvature of the motion: a joint moves by "
+                f"{length:.2g} rad or robot lengths in it; shorten dt, or use simulate, which "
+                "adapts its steps"
+            )
         if not self._continues(q, closed):
             raise StepError("the loops are singular, or change their assembly mode")
         return closed, end[nq:]

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
+import re
+
 import numpy as np
 import pytest
 
@@ -223,3 +225,20 @@ def test_a_wrench_at_a_frame_adds_to_a_moment_and_is_held(which, nonsmooth, requ
     assert np.abs(hold - without).max() > 0.1
     with pytest.raises(sst_pin.UnknownNameError):
         robot.rollout([hold], robot.home, zero, 1e-3, external_wrenches={"nothing": np.zeros(6)})
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_steps_that_are_too_long_are_named_with_their_length_and_shorter_ones_pass(compiled):
+    """A crank at 900 rad/s: 0.9 rad in a step of 1 ms. The shorter rollout agrees with simulate."""
+    chain = robots.four_bar()
+    if compiled:
+        chain.compile()
+    with pytest.raises(sst_pin.SimulationError, match="too long for the curvature") as caught:
+        chain.rollout(np.zeros((20, 1)), chain.home, [900.0], dt=1e-3)
+    assert "use simulate, which adapts its steps" in str(caught.value)
+    moved = float(re.search(r"moves by (\S+) rad", str(caught.value)).group(1))
+    assert 0.5 < moved < 2
+    short = chain.rollout(np.zeros((100, 1)), chain.home, [900.0], dt=4e-5)
+    t = np.array([0.0, 4e-3])
+    motion = chain.simulate([0.0], chain.home, [900.0], t, rtol=1e-10, atol=1e-12)
+    assert short.q[-1] == pytest.approx(motion.q[-1], abs=1e-4)
