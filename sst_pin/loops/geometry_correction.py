@@ -13,7 +13,8 @@ than those from rounding.
 
 Axes may be almost parallel on purpose. So a loop that can move as it is, is corrected only if the
 rounding of its numbers, or the gap in its home, explains the displacements. A loop that closes
-exactly, with numbers that are not rounded, is never corrected.
+exactly, with numbers that are not rounded, is never corrected; nor is one that moves as it is, and
+whose home is stored with all digits, so that it closes there to the rounding of floats.
 """
 
 from collections import Counter
@@ -167,6 +168,11 @@ def _is_justified(correction: _Correction, original: "_Robot", part: _Part, star
     rounding = original.rounding(start, part)
     if rounding == 0:
         return False  # it closes exactly, perhaps in this pose only
+    home = home_of(original.mechanism)
+    if home is not None and not original.gap(home, part) and original.moves(home, part):
+        # Rounded placements would leave the home of the file open. Short numbers, such as 0.25, are
+        # exact here.
+        return False
     return correction.size <= EXPLAINED * rounding or not original.moves(start, part)
 
 

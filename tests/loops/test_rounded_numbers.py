@@ -317,6 +317,23 @@ def test_axes_that_are_tilted_on_purpose_stay_as_they_are(seed, digits):
     assert gap_along(chain, model, 0, 0.1) < 1e-12
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_lengths_of_whole_centimetres_do_not_make_tilted_axes_parallel(seed):
+    """The home of the file closes to the rounding of floats, so its lengths are exact."""
+    random = np.random.default_rng(seed)
+    tilts = 1e-3 * random.normal(size=(7, 3))
+    tilts[2] *= 700
+    places = [in_plane(random, pin.exp3(tilt)) for tilt in tilts]
+    for place in places:
+        place.translation = place.translation.round(2)
+    branches = {"a": places[:3], "b": places[3:]}
+    model, closures = hinges(branches, random.uniform(-1, 1, 7))
+    chain, texts = with_warnings(ClosedChain, model, closures, ["a0"])
+    assert not texts
+    assert chain.degrees_of_freedom == 1
+    assert gap_along(chain, model, 0, 1e-3) < 1e-12
+
+
 @pytest.mark.parametrize("digits", [4, 6, 8])
 @pytest.mark.parametrize("seed", range(2))
 def test_home_closes_in_rounded_loops_with_hinges_that_rest(seed, digits):
