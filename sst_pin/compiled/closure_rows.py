@@ -6,7 +6,7 @@ depend only on how A and B move relative to the *base*: the last link that carri
 vectors of such a row are in the axes of the base, unless another link is named:
 
 - R and p are the axes (in columns) and the origin of a frame, and d = p_B - p_A;
-- u is the velocity of an origin, omega the angular velocity of a frame.
+- u is the velocity of an origin, omega the angular velocity of a frame, relative to the base.
 
 A row is a linear function of these velocities, Phi v = g_B(u_B, omega_B) - g_A(u_A, omega_A).
 """
@@ -135,7 +135,11 @@ class _RightAngle:
 
 
 class _FramePair:
-    """Two frames A and B, and the rows that constrain their relative motion."""
+    """Two frames A and B, and the rows that constrain their relative motion.
+
+    `a` and `b` are the frames as they move relative to the base: p, R, and for each rate of a joint
+    between the base and the frame the twist [u; omega] of the frame at a unit of this rate.
+    """
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
         self.kinematics = kinematics
@@ -144,6 +148,7 @@ class _FramePair:
         self.frame_b = frame_named(model, b)
         self.link_a = tree.link_of[self.frame_a.parentJoint]
         self.link_b = tree.link_of[self.frame_b.parentJoint]
+        # The base is the last link that the paths from the world to both links share.
         paths = zip(tree.ancestors(self.link_a), tree.ancestors(self.link_b), strict=False)
         self.base = [i for i, j in paths if i == j][-1]
         self.a = kinematics.point(self.base, self.frame_a)
@@ -161,18 +166,20 @@ class _FramePair:
         def motion(link: int, frame: pin.Frame) -> FrameMotion:
             R, _ = self.kinematics.pose(self.base, link)
             x = self.kinematics.relative_motion(self.base, link, v, dv)
-            a = R @ (x.a + x.U @ sx(frame.placement.translation))
-            return FrameMotion(R @ x.omega, R @ x.alpha, a)
+            a = x.a + x.U @ sx(frame.placement.translation)  # of a point of the link
+            return FrameMotion(omega=R @ x.omega, alpha=R @ x.alpha, a=R @ a)
 
         return motion(self.link_a, self.frame_a), motion(self.link_b, self.frame_b)
 
     def _d_dot(self, v: Sparse) -> SX:
         """The rate of d: u_B - u_A."""
         d_dot = SX(3, 1)
-        for sign, point in ((-1, self.a), (1, self.b)):
-            for k, twist in point.columns.items():
-                if k in v:
-                    d_dot += sign * twist[:3] * v[k]
+        for k, twist in self.a.columns.items():
+            if k in v:
+                d_dot -= twist[:3] * v[k]
+        for k, twist in self.b.columns.items():
+            if k in v:
+                d_dot += twist[:3] * v[k]
         return d_dot
 
     def _row(
@@ -184,13 +191,17 @@ class _FramePair:
         residual: SX | None,
         squared_gap: SX,
     ) -> Row:
-        """The row with Phi v = g_B(u_B, omega_B) - g_A(u_A, omega_A)."""
-        # Column k of Phi is Phi v for a unit of the rate k.
+        """The row with Phi v = g_B(u_B, omega_B) - g_A(u_A, omega_A).
+
+        The other arguments are those of `Row`.
+        """
+        # Entry k of Phi is Phi v for a unit of the rate k.
         of_b = {k: g_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
         of_a = {k: -g_a(twist[:3], twist[3:]) for k, twist in self.a.columns.items()}
         Phi = {k: entry for k, entry in add(of_b, of_a).items() if not entry.is_zero()}
 
         def of_link(g: VelocityFunction, link: int, frame: pin.Frame, twists: Twists) -> SX:
+            """g of a frame from the twist of its link."""
             R, _ = self.kinematics.pose(self.base, link)
             u, omega = twists(self.base, link)
             u_of_frame = u + ca.cross(omega, sx(frame.placement.translation))
@@ -217,8 +228,8 @@ class _FramePair:
     def held_motions(self, held: tuple[bool, ...]) -> Iterator[Row]:
         """Rows for the motions of B along and about x, y, z of A that are held.
 
-        Where all three translations, or all three rotations, are held, any axes do. The rows then
-        have those axes in which their expressions are short.
+        Where all three translations, or all three rotations, are held, the rows may be along or
+        about any three axes. They have those for which their expressions are short.
         """
         if all(held[:3]):
             for axis in range(3):
