@@ -42,17 +42,17 @@ def groups(tree: LinkTree, L: Sequence[Sparse], tied: Iterable[Iterable[int]]) -
     for rates in (*(link.v for link in tree.links), *(x.keys() for x in L), *tied):
         sets.unite(rates)
     while True:
-        found = list[Group]()
+        result = list[Group]()
         changed = False
         for name, links in _links_by_set(tree, sets).items():
             base, between = _base_of(tree, links)
             for link in between:
                 changed |= sets.unite((name, *tree.links[link].v))
             of_group = [k for k, x in enumerate(L) if sets.find(next(iter(x))) == sets.find(name)]
-            found.append(Group(base, links, of_group))
+            result.append(Group(base, links, of_group))
         if not changed:
             # A group hangs on a link of another one only if its base comes later.
-            return sorted(found, key=lambda group: -group.base)
+            return sorted(result, key=lambda group: -group.base)
 
 
 def _links_by_set(tree: LinkTree, sets: "_Sets") -> dict[int, list[int]]:
@@ -95,8 +95,8 @@ class _Sets:
 class ArticulatedBodies:
     """L^T M L, factorised group by group; see the module.
 
-    The inertia A_i of a link is that of a rigid body, with all that hangs on it, less a matrix for
-    the joints that give way.
+    The inertia A_i of a link is that of a rigid body, with all that hangs on it, less the sum of
+    F D^-1 F^T of these groups, because their joints move.
     """
 
     def __init__(
@@ -118,7 +118,9 @@ class ArticulatedBodies:
         self._D = list[SymmetricFactors]()
         self._by_base = list[SX]()
         rigid = dynamics.rigid_bodies
-        less = [SX(6, 6) for _ in rigid]  # by the joints that give way
+        # A_i = rigid[i] - less[i]: the matrix less[i] is the sum of F D^-1 F^T, in the axes of link
+        # i, of all groups that hang on it.
+        less = [SX(6, 6) for _ in rigid]
         for group, t in zip(hanging, self._t, strict=True):
             columns = [L[k] for k in group.coordinates]
             momenta = dict[int, SX]()
@@ -151,10 +153,10 @@ class ArticulatedBodies:
         wrenches = [SX(6, count) for _ in self._links]
         y = list[SX]()
         for group, t, D, F in zip(self._groups, self._t, self._D, self._F, strict=True):
-            left = b[group.coordinates, :]
+            forces = b[group.coordinates, :]
             for i in group.links:
-                left -= t[i].T @ wrenches[i]
-            y.append(D.solve(left))
+                forces -= t[i].T @ wrenches[i]
+            y.append(D.solve(forces))
             on_links = {i: wrenches[i] for i in group.links}
             at_base = self._carried(group, on_links, SX(6, count))
             wrenches[group.base] += at_base + F @ y[-1]

@@ -32,13 +32,25 @@ _SMALL = 1e-3
 def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], Array]:
     """Rows and columns of the pivots in the order of elimination, and their largest sizes.
 
-    The matrix has a pattern, shape (rows, columns), and samples, (samples, rows, columns).
+    Each step takes the pivot with the smallest fill-in (r - 1) (c - 1), where r and c count the
+    entries of its row and its column (Markowitz). A pivot must be sound: in each sample, at least
+    `_SOUND` of the largest entry of its column. Of pivots with the same fill-in the soundest one is
+    taken. Then the pivot is eliminated from the samples and from the pattern.
+
+    Args:
+        pattern: Which entries may differ from zero, shape (rows, columns).
+        values: The matrix in the samples, shape (samples, rows, columns).
     """
-    values, noise = values.copy(), _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)
-    order, sizes = [], []
+    values = values.copy()
+    noise = _ZERO * np.abs(values).max(axis=(0, 2), initial=0.0)  # for each row
+    order: list[tuple[int, int]] = []
+    sizes = []
     for _ in range(pattern.shape[1]):
         # Rounding noise of redundant rows is no pivot and makes no fill.
         pattern = pattern & (np.abs(values) > noise[:, None]).any(axis=0)
+
+        # The soundness of an entry is its size over the largest one of its column, in the worst
+        # sample.
         size = np.abs(np.where(pattern, values, 0.0))
         with np.errstate(invalid="ignore", divide="ignore"):
             soundness = np.nan_to_num(size / size.max(axis=1, keepdims=True, initial=0)).min(axis=0)
@@ -48,12 +60,16 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
                 "give a regular configuration of yours: compile(q), casadi(q)",
                 np.inf,
             )
+
+        # Choose the pivot. A half of the soundness, below one, decides between equal fill-ins.
         sound = soundness >= min(_SOUND, soundness.max())
         fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
         cost = np.where(sound, fill - soundness / 2, np.inf)
         i, j = np.unravel_index(np.argmin(cost), cost.shape)
         order.append((int(i), int(j)))
         sizes.append(size[:, i, j].max())
+
+        # Eliminate its column from the other rows; its own row and column are done.
         below = np.flatnonzero(pattern[:, j])
         right = np.flatnonzero(pattern[i])
         factors = values[:, below, j] / values[:, i, j, None]
@@ -127,8 +143,11 @@ class Factors:
         return True
 
     def small(self, sizes: Array) -> Any:
-        """More than 1 where a pivot is much smaller than these sizes, one for each pivot."""
-        if len(self.inverses) < len(sizes):
+        """A check: sum of (`_SMALL` size / pivot)^2, with a size for each pivot.
+
+        It is more than 1 where a pivot is less than `_SMALL` of its size in the samples.
+        """
+        if len(self.inverses) < len(sizes):  # a 2 x 2 block, with its determinant as pivot
             sizes = np.append(sizes[:-2], sizes[-2] * sizes[-1])
         pairs = zip(sizes, self.inverses, strict=True)
         return total([(_SMALL * float(s) * x) ** 2 for s, x in pairs])
@@ -216,7 +235,10 @@ class Orthogonal:
         return [square**0.5 for square in self.squares]
 
     def small(self, sizes: Array) -> Any:
-        """More than 1 where a column of Q is much smaller than the square root of these sizes."""
+        """A check: sum of (`_SMALL`^2 size / square)^2, with a size for each squared length.
+
+        It is more than 1 where a column of Q is shorter than `_SMALL` of its length in the samples.
+        """
         pairs = zip(sizes, self.inverses, strict=True)
         return total([(_SMALL**2 * float(s) * x) ** 2 for s, x in pairs])
 
@@ -243,11 +265,14 @@ class Orthogonal:
                     _add(w, j, -(entry * w[k]))
         x: dict[int, Any] = {}
         for k in reversed(range(len(self._Q))):
-            left = {k: -w[k]} if k in w else {}
+            # x changes along q_k until q_k^T x = w_k.
+            excess: dict[int, Any] = {}
+            if k in w:
+                excess[k] = -w[k]
             if self._Q[k].keys() & x.keys():
-                _add(left, k, _product(self._Q[k], x))
-            if left:
-                _subtract(x, left[k] * self.inverses[k], self._Q[k])
+                _add(excess, k, _product(self._Q[k], x))
+            if excess:
+                _subtract(x, excess[k] * self.inverses[k], self._Q[k])
         return {i: value * self._scale[i] for i, value in x.items()}
 
 
@@ -329,15 +354,18 @@ class Blocks:
 
 
 def _product(a: Mapping[int, Any], b: Mapping[int, Any]) -> Any:
+    """a^T b of sparse vectors."""
     return total(x * b[i] for i, x in a.items() if i in b)
 
 
 def _subtract(row: dict[int, Any], factor: Any, other: Mapping[int, Any]) -> None:
+    """Change a sparse vector: row -= factor * other."""
     for k, entry in other.items():
         _add(row, k, -(factor * entry))
 
 
 def _add(row: dict[int, Any], k: int, term: Any) -> None:
+    """Change a sparse vector: row[k] += term."""
     row[k] = row[k] + term if k in row else term
 
 

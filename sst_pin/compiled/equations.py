@@ -82,7 +82,8 @@ class Equations:
         parameters: SymbolicParameters | None = None,
         displaced: bool = False,
     ) -> None:
-        self.mechanism, model = mechanism, mechanism.model
+        self.mechanism = mechanism
+        model = mechanism.model
         self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
         acceleration = -self.p[GRAVITY] if displaced else None  # as if the base were lifted
@@ -148,8 +149,9 @@ class Equations:
                 # Sizes of the pivots of the rows without scales.
                 all_sizes.append(sizes / scale[chosen])
                 determinant *= float(np.prod(scale[chosen]))
-            free = len(Phi) + len(entries), len(self._rates) + len(entries)
-            of_part, in_order = coupled(self.kinematics, self.rows, factors, free)
+            # Auxiliary unknowns get the next indices of rows and columns that nothing has yet.
+            first = len(Phi) + len(entries), len(self._rates) + len(entries)
+            of_part, in_order = coupled(self.kinematics, self.rows, factors, first)
             entries |= of_part
             sequence += in_order
         blocks = Blocks(entries, sequence)

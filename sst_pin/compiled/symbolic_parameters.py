@@ -23,10 +23,11 @@ LINE = 4
 #: Indices of gravity, base axes, and of the rate within which friction is tanh instead of sign.
 GRAVITY, SIGN_WIDTH = slice(3), 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
-#: Second moments xx, xy, xz, yy, yz, zz from inertias xx, xy, yy, xz, yz, zz.
+#: The matrix that makes second moments S, ordered xx, xy, xz, yy, yz, zz, from an inertia I about
+#: the same point, in Pinocchio's order xx, xy, yy, xz, yz, zz: S = trace(I) / 2 E - I.
 _xx, _xy, _yy, _xz, _yz, _zz = np.eye(6)
-_SECOND = np.array([-_xx, -_xy, -_xz, -_yy, -_yz, -_zz])
-_SECOND[[0, 3, 5]] += (_xx + _yy + _zz) / 2
+_HALF_TRACE = (_xx + _yy + _zz) / 2
+_SECOND = np.array([_HALF_TRACE - _xx, -_xy, -_xz, _HALF_TRACE - _yy, -_yz, _HALF_TRACE - _zz])
 
 
 class SymbolicParameters:
@@ -112,9 +113,11 @@ class SymbolicParameters:
 
     def inertial(self, numbers: Array) -> Array:
         """The numbers without gravity, springs and forces along lines, masses of lines kept."""
-        numbers, (line, lines) = numbers.copy(), self._lines
+        numbers = numbers.copy()
+        numbers[GRAVITY] = 0
         spring = self._starts["stiffness"]
-        numbers[:3] = numbers[spring : spring + len(self.joints["stiffness"])] = 0
+        numbers[spring : spring + len(self.joints["stiffness"])] = 0
+        line, lines = self._lines
         numbers[line : line + LINE * lines] = 0
         return numbers
 
