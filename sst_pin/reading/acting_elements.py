@@ -107,8 +107,9 @@ def unread(root: ET.Element) -> Iterator[Problem]:
                 yield warning(f"<{element.tag}>", f"of {listed(names)} is not read")
     yield from _of_joints(root)
     if not is_weightless(root):  # gravity that is off for all links is read as no gravity
+        without_gravity = _without_gravity(root)
         for link in root.findall("link"):
-            if link.get("name", "") in _without_gravity(root):
+            if link.get("name", "") in without_gravity:
                 yield warning(f"link {link.get('name')}", _weight_problem(link))
 
 

@@ -4,6 +4,7 @@
 import reprlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable
+from difflib import get_close_matches
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -18,6 +19,25 @@ _MAX_LENGTH = 200_000
 _MAX_DEPTH = 50
 _DEPTH_CHANGE = {"[": 1, "{": 1, "]": -1, "}": -1}
 
+#: Keys by the names that arguments of `ClosedChain` and other words have for the same.
+_SAME_MEANING = {
+    "lines": "line_force",
+    "forces": "line_force",
+    "ropes": "contacts",
+    "actuated": "name_mot",
+    "motors": "name_mot",
+    "springs": "joint_spring",
+    "stiffness": "joint_spring",
+}
+#: Examples of the lists that users type by hand.
+_EXAMPLES = {
+    "contacts": "[{frame: sole, friction: 0.8}]",
+    "brakes": "[axis_1]",
+    "line_force": "[{frames: [a, b], stiffness: 900}]",
+    "locked": "[axis_1]",
+    "name_mot": "[axis_1, axis_2]",
+}
+
 _T = TypeVar("_T")
 
 
@@ -30,16 +50,24 @@ class YamlContent(dict[str, Any]):
         self.problems = list[str]()
 
     def require_known(self, keys: Collection[str]) -> None:
-        """Report the keys that are not known."""
+        """Report the keys that are not known, with the one that is meant."""
         known = ", ".join(keys)
-        self.problems += [f"{key}: unknown; known: {known}" for key in self if key not in keys]
+        for key in self:
+            if key in keys:
+                continue
+            similar = get_close_matches(str(key), keys, n=1)
+            meant = _SAME_MEANING.get(str(key)) or "".join(similar)
+            guess = f"; do you mean {meant}" if meant else ""
+            self.problems.append(f"{key}: unknown{guess}; known: {known}")
 
     def entries(self, key: str, parse: Callable[[Any], _T]) -> list[_T]:
         """The entries of a list, each parsed; entries with a problem are left out."""
         value = self.get(key, [])
         results = list[_T]()
         if not isinstance(value, list):
-            self.problems.append(f"{key}: a list is needed")
+            example = _EXAMPLES.get(key)
+            such = f", such as {key}: {example}" if example else ""
+            self.problems.append(f"{key}: a list is needed{such}")
             return results
         for entry in value:
             with collecting_problems(self.problems, f"{key}: "):
@@ -106,7 +134,8 @@ def mapping_in(value: Any, keys: Collection[str] = ()) -> dict[str, Any]:
     Without `keys` all keys are allowed.
     """
     if not isinstance(value, dict):
-        raise ValueError(f"{shown(value)} is not a mapping")
+        of_keys = f" of {', '.join(keys)}" if keys else ""
+        raise ValueError(f"{shown(value)} is not a mapping{of_keys}")
     unknown = [key for key in value if keys and key not in keys]
     if unknown:
         raise ValueError(f"{', '.join(unknown)} unknown; known: {', '.join(keys)}")

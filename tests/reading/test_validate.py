@@ -118,7 +118,11 @@ def test_what_is_no_urdf_has_one_problem(found, urdf, problem):
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("closed_loop", "closed_lop", "error: cuts: closed_lop: unknown; known: closed_loop"),
+        (
+            "closed_loop",
+            "closed_lop",
+            "closed_lop: unknown; do you mean closed_loop; known",
+        ),
         ("[rod_2a_end, platform_2a]", "[arm_2, base]", "closure arm_2 - base: cannot be closed"),
         ("elbow_1a,", "knee,", "error: file: joint knee is missing"),
     ],

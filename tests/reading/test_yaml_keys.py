@@ -128,7 +128,14 @@ def test_a_loop_is_closed_in_any_way(kind, closure):
 @pytest.mark.parametrize(
     ("cuts", "told"),
     [
-        ("springs: {}", "springs: unknown; known: closed_loop, .*joint_spring"),
+        ("springs: {}", "springs: unknown; do you mean joint_spring; known: closed_loop"),
+        ("lines: []", "lines: unknown; do you mean line_force; known"),
+        ("ropes: []", "ropes: unknown; do you mean contacts; known"),
+        ("brake: []", "brake: unknown; do you mean brakes; known"),
+        ("xyz: []", "xyz: unknown; known"),
+        ("brakes: elbow", r"brakes: a list is needed, such as brakes: \[axis_1\]"),
+        ("contacts: {tip: 1}", r"a list is needed, such as contacts: \[\{frame: sole"),
+        ("line_force: [[a, b]]", "is not a mapping of name, frames, stiffness"),
         ("joint_spring: [elbow]", "joint_spring: a mapping from names is needed"),
         ("joint_spring: {elbow: 3}", "joint_spring: '3' is not a mapping"),
         ("joint_spring: {elbow: {reference: 3}}", "joint_spring: {.*} has no stiffness"),
