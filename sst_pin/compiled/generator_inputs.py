@@ -89,14 +89,20 @@ def fingerprint(
     frames = {name: frame_named(model, name) for name in sorted(named)}
     near = mechanism.example if near is None else near
     parts = (
+        # The tree, and the frames that closures, lines and contacts connect.
         (LinkTree.of(model), list(model.names), [(x.idx_q, x.idx_v) for x in model.joints]),
         {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
+        # Closures, lines, and motors on lines.
         (mechanism.closures, lines, mechanism.lines.actuation),
         # Springs of cables are written out where they are stiff.
         (mechanism.lines.pull_only, mechanism.lines.stiffness > 0) if cables else (),
+        # Coordinates, motors on joints, and scales of the checks.
         (mechanism.coordinates, mechanism.actuation, mechanism.row_scale, mechanism.rate_scale),
+        # Which parameters stay symbols. Loads act at mass centres; of bodies whose mass is no
+        # symbol, these are numbers.
         (vars(parameters), mechanism.length),
         [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
+        # Rounded, because the last digits of an assembled configuration may vary; -0 becomes 0.
         (frame, near if near is None else near.round(6) + 0.0),
         *nonsmooth,
     )
