@@ -141,6 +141,7 @@ def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | No
         start = start_of(closer, chosen=all_are_named)
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
+    with_positions(space, start, positions)  # refuses unknown names, and what is no number
     not_moved: ClosureError | None = None
     if set(positions) <= set(mechanism.coordinate_rate_names) and closer.loops.are_closed(start):
         try:

@@ -53,3 +53,10 @@ def test_positions_of_dependent_joints_with_fixed_choose_the_assembly():
         chain.assemble(rounded)
     again = chain.assemble(rounded, fixed=["crank"])
     assert np.abs(again - q).max() < 1e-9  # both are closed to rounding with the same crank
+
+
+@pytest.mark.parametrize("position", [None, "x", [1.0], 1j, np.nan])
+def test_positions_of_coordinates_that_are_no_numbers_are_refused_by_name(position):
+    chain = sst_pin.robots.four_bar()
+    with pytest.raises(sst_pin.errors.InputError, match="crank"):
+        chain.assemble({"crank": position})
