@@ -123,13 +123,14 @@ class CasadiFunctions:
         """
         e = self._equations
         residuals = {i: e.rows[i].residual for i in sorted(e.factors.rows)}
-        left = {i: row for i, row in residuals.items() if row is not None}
+        # Residuals of rows that hold positions. Those of overconstrained parts are combined below.
+        of_positions = {i: row for i, row in residuals.items() if row is not None}
         combined: list[SX] = []
         for part in e.factors.parts:
             if isinstance(part, Orthogonal):
-                combination = part.solve({i: left.pop(i) for i in part.rows if i in left})
-                combined += combination.values()
-        gaps = [*left.values(), *combined, *e.kinematics.unit_gaps]
+                of_part = {i: of_positions.pop(i) for i in part.rows if i in of_positions}
+                combined += part.solve(of_part).values()
+        gaps = [*of_positions.values(), *combined, *e.kinematics.unit_gaps]
         return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
 
     @cached_property

@@ -109,8 +109,10 @@ def c_files(
     """Writers of the files of `write_c`."""
     if precision not in STYLES:
         raise InputError("precision", f"{precision!r} is not one of {', '.join(STYLES)}")
-    engine, style = chain.engine, STYLES[precision]
-    mechanism, q = engine.mechanism, engine.loops.example()
+    engine = chain.engine
+    style = STYLES[precision]
+    mechanism = engine.mechanism
+    q = engine.loops.example()
     equations = Equations(mechanism, sample_configurations(engine.reference, q))
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     dynamics = "torques" if equations.driven else "forces"
@@ -166,7 +168,8 @@ def _has_surplus(mechanism: Mechanism) -> bool:
 
 def _limited_torques(mechanism: Mechanism, style: Style) -> tuple[str, str]:
     """Declaration and definition of `compute_torques(limits=)` in C."""
-    n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
+    n = len(mechanism.coordinates)
+    motors = len(mechanism.motor_names)
     arrays = [("q", mechanism.model.nq), ("va", n), ("aa", n), ("limits", 2 * motors)]
     inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
     head = f"int robot_limited_torques({inputs}, {style.type} tau[{motors}])"
@@ -223,7 +226,8 @@ def _unstretched_lengths(mechanism: Mechanism, style: Style) -> tuple[str, str]:
 
 def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[str, object]:
     """Texts and numbers for the header and the example."""
-    n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
+    n = len(mechanism.coordinates)
+    motors = len(mechanism.motor_names)
     at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
     return {
         **style._asdict(),
@@ -257,7 +261,8 @@ def _exported(
             heads.append(f"const {style.type} {x}[{n}], ")
             copies.append(f"    for (int i = 0; i < {n}; i++)\n        x[{inputs} + i] = {x}[i];")
         inputs += n
-    body, results = c_code.body(kernel, suffix=style.suffix), kernel.output.numel()
+    body = c_code.body(kernel, suffix=style.suffix)
+    results = kernel.output.numel()
     outputs = sizes["q"] if output == "q_next" else results
     head = f"int robot_{name}({''.join(heads)}{style.type} {output}[{outputs}])"
     blanks = {
@@ -286,7 +291,8 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
     if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         why = "a coordinate is no single number of q"
         return f"/* There is no robot_computed_torque: {why} */\n", ""
-    n, motors = len(joints), len(mechanism.motor_names)
+    n = len(joints)
+    motors = len(mechanism.motor_names)
     arrays = [("q", model.nq), *((name, n) for name in ("va", "x", "v", "a", "kp", "kd"))]
     arrays.append(("limits", motors))
     inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
@@ -318,7 +324,8 @@ def _listed(
     parameters: SymbolicParameters, mechanism: Mechanism, numbers: Array, suffix: str
 ) -> Iterator[str]:
     """Lines of the symbolic parameters, each with its index and meaning."""
-    space, names = mechanism.space, mechanism.model.names
+    space = mechanism.space
+    names = mechanism.model.names
     lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
     moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"
     lines += [(BODY, f"{names[i]}: {moments}") for i in parameters.bodies]

@@ -21,7 +21,8 @@ BODY = 10
 #: Numbers of a line: stiffness, rest length, damping, preload.
 LINE = 4
 #: Indices of gravity, base axes, and of the rate within which friction is tanh instead of sign.
-GRAVITY, SIGN_WIDTH = slice(3), 3
+GRAVITY = slice(3)
+SIGN_WIDTH = 3
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 #: The matrix that makes second moments S, ordered xx, xy, xz, yy, yz, zz, from an inertia I about
 #: the same point, in Pinocchio's order xx, xy, yy, xz, yz, zz: S = trace(I) / 2 E - I.
@@ -107,7 +108,10 @@ class SymbolicParameters:
         start, count = self._lines
         of_lines = units[:, start : start + LINE * count].reshape(self.size, -1, LINE)
         masses = units[:, self._masses :].reshape(self.size, -1, 1)
-        of_lines = np.concatenate([of_lines[..., [0, 2, 3]], masses], axis=-1)
+        # Rest lengths are constant, as in dynamics.regressor: f is linear in the other numbers.
+        stiffness = of_lines[..., 0:1]
+        damping_and_preload = of_lines[..., 2:4]
+        of_lines = np.concatenate([stiffness, damping_and_preload, masses], axis=-1)
         blocks.append(of_lines.reshape(self.size, -1))
         return blocks
 

@@ -116,7 +116,9 @@ class TreeDynamics:
             if numbers is not None:
                 mass, c, J = numbers
                 bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
-        for closure in self._mechanism.closures if self._welded else ():
+        if not self._welded:
+            return bodies
+        for closure in self._mechanism.closures:
             if isinstance(closure, Closure) and all(closure.held):
                 ends = (closure.frame_a, closure.frame_b)
                 a, b = (frame_named(model, name) for name in ends)
@@ -254,7 +256,8 @@ class TreeDynamics:
         gravity = self._p[GRAVITY]
         energies = []
         for i, link in enumerate(self._kinematics.tree.links):
-            body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
+            body = self._bodies[link.body]
+            R, p = self._kinematics.pose(0, i)
             energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
         rest = self._parameters.of_joints("spring_reference", self._p)
         moves = self._kinematics.difference(rest)
@@ -302,8 +305,12 @@ class TreeDynamics:
             for rate, row in following.get(i, {}).items():
                 wrench = behind.pop(rate, SX(6, 1))
                 behind = add(behind, {k: factor * wrench for k, factor in row.items()})
+
+            # Wrenches that accelerate all that this link carries, by its own rates.
             for k, S in zip(link.v, link.S.T, strict=True):
                 of_link[k] = composite[i].momentum(sx(S))
+
+            # Entries of M: the parts of all these wrenches along the axes of this link.
             for j, S in zip(link.v, link.S.T, strict=True):
                 # Twice, if a mimic joint is behind the joint that it follows.
                 pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
@@ -313,18 +320,26 @@ class TreeDynamics:
                     if not is_zero(value):
                         pair = min(j, k), max(j, k)
                         M[pair] = M.get(pair, 0) + value
+
+            # The parent carries this link: its wrenches, if it moves, and its inertia.
             R, p = placements[i]
-            for k, wrench in add(behind, of_link).items() if link.parent else ():
-                F, N = R @ wrench[:3], R @ wrench[3:]
-                at_parent = ca.vertcat(F, N + ca.cross(p, F))
-                forces[link.parent] = add(forces[link.parent], {k: at_parent})
+            if link.parent:
+                for k, wrench in add(behind, of_link).items():
+                    force = R @ wrench[:3]
+                    moment = R @ wrench[3:] + ca.cross(p, force)
+                    at_parent = ca.vertcat(force, moment)
+                    forces[link.parent] = add(forces[link.parent], {k: at_parent})
             composite[link.parent] = composite[i].joined_to(composite[link.parent], R, p)
+
+        # Rotors and masses of lines.
         for k, armature in self._parameters.of_joints("armature", self._p).items():
             M[k, k] = M.get((k, k), 0) + armature
         for k, mass in self._parameters.line_masses(self._p).items():
             row = self.lines[k].row
-            for i, j in ((i, j) for i in row for j in row if i <= j):
-                M[i, j] = M.get((i, j), 0) + row[i] * mass * row[j]
+            for i in row:
+                for j in row:
+                    if i <= j:
+                        M[i, j] = M.get((i, j), 0) + row[i] * mass * row[j]
         return M
 
     @property
