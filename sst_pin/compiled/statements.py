@@ -76,7 +76,7 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
                 break
 
     places: dict[str, int] = {}
-    free: list[int] = []  # a heap: the lowest place is taken first
+    unused_places: list[int] = []  # a heap: the lowest place is used first
     size = 0
     body: list[str] = []
     for i, line in enumerate(lines):
@@ -87,13 +87,13 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
             if result not in read_from:
                 continue
             if result not in places:
-                if not free:
-                    heappush(free, size)
+                if not unused_places:
+                    heappush(unused_places, size)
                     size += 1
-                places[result] = heappop(free)
+                places[result] = heappop(unused_places)
                 body.append(f"{_place(places[result])} = {result};")
             if i == uses[result][-1]:
-                heappush(free, places[result])
+                heappush(unused_places, places[result])
 
     pointers = -(-size // _REACH)
     declarations: list[str] = []
@@ -112,34 +112,45 @@ def _place(k: int) -> str:
 
 
 def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[str]]:
-    """Statements in one piece if there are at most `largest`, else in pieces of at most `_PART`."""
+    """Statements in one piece if there are at most `largest`, else in pieces of at most `_PART`.
+
+    The pieces have equal lengths. By default `largest` is `LARGEST`.
+    """
     if len(lines) <= (largest or LARGEST):
         return [lines]
-    size = -(-len(lines) // -(-len(lines) // _PART))
+    count = -(-len(lines) // _PART)  # rounded up, as the next one
+    size = -(-len(lines) // count)
     return [lines[i : i + size] for i in range(0, len(lines), size)]
 
 
 def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
     """Statements of functions that run in sequence and pass results in an array w, and its size.
 
-    Compile time grows faster than functions do.
+    Compile time grows faster than functions do. An entry of w is used again after the last use of
+    its result.
     """
+    # The last piece that uses each result.
     last = {x: k for k, piece in enumerate(pieces) for line in piece for x in _used(line)}
-    places = dict[str, int]()
-    free = list[int]()
-    bodies = list[list[str]]()
+    places = dict[str, int]()  # entries of w, by result
+    unused_places = list[int]()
     size = 0
+    bodies = list[list[str]]()
     for k, piece in enumerate(pieces):
+        # Results of earlier pieces are read from w.
         at = {result: f"w[{place}]" for result, place in places.items()}
         body = [_renamed(line, at) for line in piece]
-        free += [places.pop(result) for result in at if last[result] == k]
+        for result in at:
+            if last[result] == k:
+                unused_places.append(places.pop(result))
+
+        # Results of this piece that later ones use are written to w at its end.
         results = {result for line in piece for result in _used(line)} - at.keys()
         for result in sorted(results):
             if last[result] > k:
-                if not free:
-                    free.append(size)
+                if not unused_places:
+                    unused_places.append(size)
                     size += 1
-                places[result] = free.pop()
+                places[result] = unused_places.pop()
                 body.append(f"w[{places[result]}] = {result};")
         bodies.append(body)
     return bodies, size
