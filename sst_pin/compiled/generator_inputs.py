@@ -83,7 +83,7 @@ def fingerprint(
         ropes = [(x.frame_a, x.frame_b) for x in contacts.ropes]
         radii = [x.radius for x in contacts.points]
         stops = [(x.rate, x.position, x.side) for x in rows.stops]
-        nonsmooth = points, ropes, radii, stops, rows.dry, rows.cables
+        nonsmooth = points, ropes, radii, stops, rows.dry_rates, rows.dry_lines, rows.cables
         for ends in (*points, *ropes):
             named.update(ends)
     frames = {name: frame_named(model, name) for name in sorted(named)}

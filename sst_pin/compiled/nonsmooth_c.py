@@ -49,7 +49,7 @@ def step_source(
         len(contacts.ropes),  # ropes
         len(rows.cables),  # cables
         len(rows.stops),  # stops
-        len(rows.dry),  # dry
+        len(rows.dry_friction),  # dry
         len(layout.implicit_row),  # implicit
     )
     determinants = np.abs(equations.at_samples(equations.pivots.determinant))
@@ -65,7 +65,8 @@ def step_source(
         "impulse_sign": _listed(layout.impulse_sign),
         "implicit_row": _listed(layout.implicit_row),
         "stop_position": _listed([stop.position for stop in rows.stops]),
-        "joint_rate": _listed([*(stop.rate for stop in rows.stops), *rows.dry.tolist()]),
+        "joint_rate": _listed([*(stop.rate for stop in rows.stops), *rows.dry_rates.tolist()]),
+        "dry_lines": len(rows.dry_lines),
     }
     # Members of `bounds_of_step` in nonsmooth_move.h.
     of_bounds: dict[str, object] = {

@@ -77,6 +77,8 @@ class NonsmoothTerms:
         self._gaps: list[SX] = []
         #: Row of each rate of the tree: stops, dry joints and motors share it.
         self._joints: dict[int, int] = {}
+        #: Row of each line that also pushes: its dry friction and its damper share it.
+        self._lines: dict[int, int] = {}
         self._add_rows()
         self._results = self._placed_results()
 
@@ -141,14 +143,15 @@ class NonsmoothTerms:
         """Add all rows to the layout, and their gaps.
 
         Their order is a contract with `NonsmoothRows`, `parameter_values` and `c/nonsmooth.h`.
-        Rows of impulses: contacts (three each), ropes, cables, stops, dry joints. Rows that are
-        taken at the end of a step: joints, lines that also push, motors.
+        Rows of impulses: contacts (three each), ropes, cables, stops, dry joints,
+        dry lines. Rows that are taken at the end of a step: joints, lines that also push, motors.
         """
         self._add_contacts()
         self._add_ropes()
         self._add_cables()
         self._add_stops()
         self._add_dry_joints()
+        self._add_dry_lines()
         self._add_implicit_rows()
 
     def _add_impulse(self, row: int, sign: int = 1) -> None:
@@ -180,15 +183,19 @@ class NonsmoothTerms:
             self._add_impulse(self._of_joint(stop.rate), stop.side)
 
     def _add_dry_joints(self) -> None:
-        for rate in self._rows.dry:
+        for rate in self._rows.dry_rates:
             self._add_impulse(self._of_joint(int(rate)))
+
+    def _add_dry_lines(self) -> None:
+        for k in self._rows.dry_lines:
+            self._add_impulse(self._of_line(int(k)))
 
     def _add_implicit_rows(self) -> None:
         rows: list[int] = []
         for rate in implicit_rates(self._e.parameters):
             rows.append(self._of_joint(rate))
         for k in other_lines(self._rows):
-            rows.append(self._add(self._reduced(self._e.tree.lines[k].row)))
+            rows.append(self._of_line(k))
         for motor in range(self._mechanism.motor_count):
             rows.append(self._of_motor(motor))
         self.layout.implicit_row = rows
@@ -207,6 +214,12 @@ class NonsmoothTerms:
         if rate not in self._joints:
             self._joints[rate] = self._add(self._reduced({rate: SX(1)}))
         return self._joints[rate]
+
+    def _of_line(self, k: int) -> int:
+        """The number of the row of a line's length, which is added once."""
+        if k not in self._lines:
+            self._lines[k] = self._add(self._reduced(self._e.tree.lines[k].row))
+        return self._lines[k]
 
     def _of_motor(self, k: int) -> int:
         """The number of the row of a motor's rate; cables are left out."""

@@ -127,6 +127,7 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
     contacts = mechanism.contacts
     robots = len(p)
     coulomb = parameters.of_joints("coulomb", p.T)
+    line_coulomb = parameters.line_coulomb(p.T)
     viscous = parameters.of_joints("viscous", p.T)
     stiffness = parameters.of_joints("stiffness", p.T)
     lines = [_Line(*numbers) for numbers in parameters.of_lines(p.T)]
@@ -144,7 +145,8 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
         *(x.preload for x in cables),
         *mechanism.lines.actuation[rows.cables].ravel(),
         *(x.limit for x in rows.stops),
-        *(coulomb[rate] for rate in rows.dry),
+        *(coulomb[rate] for rate in rows.dry_rates),
+        *(line_coulomb[k] for k in rows.dry_lines),
         *(viscous.get(rate, 0.0) for rate in rates),
         *(x.damping for x in others),
         *gains.damping,

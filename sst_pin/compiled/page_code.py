@@ -221,7 +221,7 @@ def _elements(e: Equations) -> dict[str, Any]:
             for k in rows.cables
         ],
         "stops": [{"position": x.position, "side": x.side, "limit": x.limit} for x in rows.stops],
-        "dry": mechanism.friction.coulomb[rows.dry].tolist(),
+        "dry": rows.dry_friction.tolist(),
         "damping": list(map(float, damping)),
         "stiffness": list(map(float, stiffness)),
     }

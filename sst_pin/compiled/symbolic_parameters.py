@@ -59,8 +59,11 @@ class SymbolicParameters:
         self._lines = start, lines
         #: Indices of the lines that have a mass.
         self.massive_lines = tuple(k for k in range(lines) if complete or mechanism.lines.masses[k])
+        #: Indices of the lines that have dry friction.
+        self.dry_lines = tuple(k for k in range(lines) if complete or mechanism.lines.coulomb[k])
         self._masses = start + LINE * lines
-        self.size = self._masses + len(self.massive_lines)
+        self._coulomb = self._masses + len(self.massive_lines)
+        self.size = self._coulomb + len(self.dry_lines)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
@@ -76,6 +79,7 @@ class SymbolicParameters:
         of_lines = [lines.stiffness, lines.rest_lengths, lines.damping, lines.preload]
         parts.append(np.transpose(of_lines).ravel())  # line by line
         parts.append(mechanism.lines.masses[list(self.massive_lines)])
+        parts.append(mechanism.lines.coulomb[list(self.dry_lines)])
         return np.concatenate(parts)
 
     def names(self, mechanism: Mechanism) -> tuple[str, ...]:
@@ -90,6 +94,7 @@ class SymbolicParameters:
         of_lines = ("stiffness", "rest_length", "damping", "preload")
         names += [f"{force}.{x}" for force in mechanism.lines.forces for x in of_lines]
         names += [f"{mechanism.lines.forces[k]}.mass" for k in self.massive_lines]
+        names += [f"{mechanism.lines.forces[k]}.coulomb" for k in self.dry_lines]
         return tuple(names)
 
     def by_parameters(self) -> list[Array]:
@@ -107,22 +112,24 @@ class SymbolicParameters:
             blocks.append(units[:, self._starts[name] :][:, : len(self.joints[name])])
         start, count = self._lines
         of_lines = units[:, start : start + LINE * count].reshape(self.size, -1, LINE)
-        masses = units[:, self._masses :].reshape(self.size, -1, 1)
+        masses = units[:, self._masses : self._coulomb].reshape(self.size, -1, 1)
+        coulomb = units[:, self._coulomb :].reshape(self.size, -1, 1)
         # Rest lengths are constant, as in dynamics.regressor: f is linear in the other numbers.
         stiffness = of_lines[..., 0:1]
         damping_and_preload = of_lines[..., 2:4]
-        of_lines = np.concatenate([stiffness, damping_and_preload, masses], axis=-1)
+        of_lines = np.concatenate([stiffness, damping_and_preload, masses, coulomb], axis=-1)
         blocks.append(of_lines.reshape(self.size, -1))
         return blocks
 
     def inertial(self, numbers: Array) -> Array:
-        """The numbers without gravity, springs and forces along lines, masses of lines kept."""
+        """The numbers without gravity, springs and forces along lines, but with their masses."""
         numbers = numbers.copy()
         numbers[GRAVITY] = 0
         spring = self._starts["stiffness"]
         numbers[spring : spring + len(self.joints["stiffness"])] = 0
         line, lines = self._lines
         numbers[line : line + LINE * lines] = 0
+        numbers[self._coulomb :] = 0
         return numbers
 
     def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
@@ -141,6 +148,10 @@ class SymbolicParameters:
     def line_masses(self, p: "SX") -> "dict[int, SX]":
         """Masses of the lines that have one, by their indices."""
         return {k: p[self._masses + i] for i, k in enumerate(self.massive_lines)}
+
+    def line_coulomb(self, p: "SX") -> "dict[int, SX]":
+        """Dry friction of the lines that have it, by their indices."""
+        return {k: p[self._coulomb + i] for i, k in enumerate(self.dry_lines)}
 
     def of_joints(self, name: str, p: "SX") -> "dict[int, SX]":
         """A quantity of the joints that have it, by indices as those of `joints`."""

@@ -178,14 +178,18 @@ class TreeDynamics:
         return ca.vertcat(force, R.T @ moment + ca.cross(lever, force))
 
     def friction(self, v: Sparse) -> Sparse:
-        """Forces that friction and the dampers along lines need."""
+        """Forces that friction of joints and along lines needs."""
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
-        width = self._p[SIGN_WIDTH]
-        signs = {i: ca.tanh(x / width) if self._smooth else ca.sign(x) for i, x in v.items()}
+        signs = {i: self._sign(x) for i, x in v.items()}
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
         tau = add(tau, {i: F * signs[i] for i, F in coulomb.items() if i in v})
-        return add(tau, self.along_lines(self._where_taut(self._damping(v), v)))
+        of_lines = map(operator.add, self._where_taut(self._damping(v), v), self._rubbing(v))
+        return add(tau, self.along_lines(of_lines))
+
+    def _sign(self, rate: Any) -> Any:
+        """The sign of a rate in Coulomb friction."""
+        return ca.tanh(rate / self._p[SIGN_WIDTH]) if self._smooth else ca.sign(rate)
 
     def springs(self, v: Sparse) -> Sparse:
         """Forces that springs need, those along lines among them; cables may be slack at v."""
@@ -198,7 +202,7 @@ class TreeDynamics:
     def pulls(self, v: Sparse) -> list[Any]:
         """Tension of each line, without motors."""
         pulls = list(map(operator.add, self._tensions, self._damping(v)))
-        return self._where_taut(pulls, v)
+        return list(map(operator.add, self._where_taut(pulls, v), self._rubbing(v)))
 
     def _where_taut(self, pulls: list[Any], v: Sparse) -> list[Any]:
         """Pulls along the lines, but zero along slack cables."""
@@ -218,8 +222,20 @@ class TreeDynamics:
 
     def _damping(self, v: Sparse) -> list[Any]:
         """Pull of the damper along each line."""
-        rates = (total(entry * v[i] for i, entry in x.row.items() if i in v) for x in self.lines)
+        rates = self._line_rates(v)
         return [x.damping * rate for x, rate in zip(self.lines, rates, strict=True)]
+
+    def _rubbing(self, v: Sparse) -> list[Any]:
+        """Pull of dry friction along each line."""
+        pulls: list[Any] = [SX(0)] * len(self.lines)
+        rates = self._line_rates(v)
+        for k, force in self._parameters.line_coulomb(self._p).items():
+            pulls[k] = force * self._sign(SX(rates[k]))
+        return pulls
+
+    def _line_rates(self, v: Sparse) -> list[Any]:
+        """Rate of the length of each line."""
+        return [total(entry * v[i] for i, entry in x.row.items() if i in v) for x in self.lines]
 
     def inertial_pulls(self, v: Sparse, dv: Sparse) -> list[Any]:
         """Pull along each line that its mass needs."""

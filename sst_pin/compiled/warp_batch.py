@@ -306,6 +306,7 @@ class WarpBatch:
             "contact_forces": ((points.stop - points.start) // 3, 3),
             "tensions": (cables.stop - ropes.start,),
             "joint_forces": (model.nv,),
+            "line_friction": (len(self._rows.dry_lines),),
             "residual": (),
             "impulses": (dry.stop,),
         }.get(name, (n,))

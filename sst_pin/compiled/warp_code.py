@@ -40,6 +40,7 @@ _STEP = {
     "contact_forces": "rows",
     "tensions": "rows",
     "joint_forces": "rows",
+    "line_friction": "rows",
     "residual": "rows",
     "impulses": "rows",
     "h": "real",  # length of a step, [s]

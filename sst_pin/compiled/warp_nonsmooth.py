@@ -23,6 +23,8 @@ class NonsmoothState(NamedTuple):
         tensions: Tensions of the ropes, then of lines with `pulls_only`, shape (N, ropes + cables),
             [N].
         joint_forces: Forces of stops and dry friction on the joints, shape (N, nv).
+        line_friction: Dry friction of the lines that have it; positive where it pushes the ends
+            apart, shape (N, lines with friction), [N].
         residual: The largest error of complementarity of the substeps, relative to the impulses,
             shape (N,).
         impulses: Of the last substep, for all rows, shape (N, m): where the solver of the next step
@@ -34,5 +36,6 @@ class NonsmoothState(NamedTuple):
     contact_forces: Any
     tensions: Any
     joint_forces: Any
+    line_friction: Any
     residual: Any
     impulses: Any

@@ -107,20 +107,23 @@ class MotorLimits:
         return np.maximum(np.abs(sums).max(axis=1), self.speeds(q, va).max(axis=1))
 
     def dry_friction(self, q: Array) -> Array:
-        """Parts of the limits that Coulomb friction of each joint takes, shape (N, k, nv)."""
+        """Parts of the limits that Coulomb friction takes, shape (N, k, nv + lines)."""
         chain = self.chain
-        coulomb = chain.mechanism.friction.coulomb
+        mechanism = chain.mechanism
+        coulomb = np.concatenate([mechanism.friction.coulomb, mechanism.lines.coulomb])
         motors = len(chain.motor_names)
         limits = [self.torques, self.accelerations]
         k = motors * sum(limit is not None for limit in limits)
         parts = np.zeros((len(q), k, len(coulomb)))
         if self.torques is not None and coulomb.any():
-            # Rates along each coordinate are the rows of J^T and L^T.
+            # Rates along each coordinate are the rows of J^T and L^T, and those of the lines.
             unit_rates = np.eye(chain.degrees_of_freedom)
             J_T = chain.motor_rates(q[:, None], unit_rates)
             L_T = chain.joint_rates(q[:, None], unit_rates)
+            of_lines = chain.engine.line_rates(q[:, None], L_T)
+            rates = np.concatenate([L_T, of_lines], axis=-1)
             half_range = np.ptp(self.torques, axis=1)[:, None] / 2
-            parts[:, :motors] = np.linalg.pinv(J_T) @ L_T * coulomb / half_range
+            parts[:, :motors] = np.linalg.pinv(J_T) @ rates * coulomb / half_range
         return parts
 
     def require_rest(self, q: Array) -> None:
@@ -178,8 +181,11 @@ class PathForces:
             parts = limits.parts(q, w * first, w**2 * second + u * first)
             return np.einsum("irk,ik->ir", factors, parts)
 
-        # Coulomb friction, by the rates of the joints.
-        rates = limits.chain.joint_rates(q, first) / limits.chain.mechanism.rate_scale
+        # Coulomb friction, by the rates of the joints and of the lengths of lines.
+        mechanism = limits.chain.mechanism
+        of_joints = limits.chain.joint_rates(q, first)
+        of_lines = limits.chain.engine.line_rates(q, of_joints)
+        rates = np.hstack([of_joints / mechanism.rate_scale, of_lines / mechanism.length])
         dry = factors @ limits.dry_friction(q)
         least, largest = _coulomb(rates, dry)
 
@@ -218,11 +224,11 @@ class PathForces:
 def _coulomb(rates: Array, dry: Array) -> tuple[Array, Array]:
     """Least and largest sums of Coulomb friction at N points of a path, shape (N, sums).
 
-    The friction of a moving joint follows its rate; that of a resting joint has either sign.
+    The friction of a moving joint or line follows its rate; at rest it has either sign.
 
     Args:
-        rates: Rates of the joints by s, free of units, shape (N, nv).
-        dry: Sums by joint where the joint moves forward, shape (N, sums, nv).
+        rates: Rates of the joints and lines by s, free of units, shape (N, nv + lines).
+        dry: Sums by joint and line where it moves forward, shape (N, sums, nv + lines).
     """
     moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
     moving = np.einsum("ikj,ij->ik", dry, np.sign(rates) * moves)

@@ -39,6 +39,8 @@ def _add_line(document: MjcfDocument, line: LineForce) -> None:
             document.problems.append(f"line {line}: {text}")
     if line.damping:
         attributes["damping"] = numbers([line.damping])
+    if line.coulomb_friction:
+        attributes["frictionloss"] = numbers([line.coulomb_friction])
     if line.mass:
         attributes["armature"] = numbers([line.mass])
     if line.lower or line.upper < FAR:

@@ -26,6 +26,7 @@ from ..loops.row_derivatives import (
     partials,
 )
 from ..loops.rows import cross, skew
+from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
 from .dynamics import Context, applied_forces, direct_dynamics
 
@@ -217,7 +218,7 @@ class Derivatives:
         if not lines.none:
             lengths, J = context.lines.evaluate(q)
             of_lines = partials(context.lines.loops, q, tree)
-            tensions = lines.tensions(lengths, J.dot(v), tau)
+            tensions = lines.tensions(lengths, J.dot(v), friction.sign_width, tau)
             tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
             loads += [_on_frames(line, -tensions) for line in of_lines.closures]
         if wrenches is not None and wrenches.any():
@@ -230,7 +231,10 @@ class Derivatives:
         if of_lines is not None:
             taut = lines.taut(lengths, J.dot(v))  # 0 for slack cables, else 1
             pull_per_length = J.T * (lines.stiffness * taut)
-            pull_per_rate = J.T * (lines.damping * taut)
+            damping = lines.damping * taut
+            if lines.coulomb.any():
+                damping = damping + lines.coulomb * sign_slope(J.dot(v), friction.sign_width)
+            pull_per_rate = J.T * damping
             pull_per_acceleration = J.T * lines.masses
             force_q += pull_per_length.dot(J)
             force_q += pull_per_rate.dot(of_lines.velocity_q)

@@ -24,6 +24,7 @@ from ..loops.continuity import Continuity
 from ..loops.line_kinematics import LineKinematics
 from ..loops.loops import Loops
 from ..loops.ranks import independent_rows
+from ..model.dry_friction import sign_of
 from ..model.mechanism import Friction, Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
 from ..summaries import Summary, as_html, as_text
@@ -57,7 +58,7 @@ class Terms(Summary):
         coriolis: Coriolis matrix (with centrifugal terms), shape (n, n), Eq. (94).
         gravity: Generalized forces of the weights, tau^g, shape (n,), Eq. (95).
         friction: Generalized forces of friction, L^T tau^f, shape (n,), Eq. (96); they oppose the
-            rates. Dampers along lines are among them.
+            rates. Dampers and dry friction along lines are among them.
         springs: Generalized forces of the springs, those along lines among them, shape (n,).
     """
 
@@ -222,7 +223,8 @@ def applied_forces(
         force = force + springs.forces(context.mechanism.model, q)
     if not lines.none:
         lengths, J = context.lines.evaluate(q)
-        force = force - lines.tensions(lengths, J.dot(v), tau).dot(J)
+        tensions = lines.tensions(lengths, J.dot(v), friction.sign_width, tau)
+        force = force - tensions.dot(J)
     if wrenches is not None:
         force = force + wrenches.ravel().dot(body_jacobians(context.loops))
     return force
@@ -268,7 +270,7 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
 
     # Joints and lines.
     lengths, J = context.lines.evaluate(q)
-    tensions = mechanism.lines.tensions(lengths, J.dot(v))
+    tensions = mechanism.lines.tensions(lengths, J.dot(v), mechanism.friction.sign_width)
     tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
     on_rates += np.abs(tensions[:, None] * J).sum(axis=0)
     on_rates += np.abs(mechanism.friction.forces(v))
@@ -339,7 +341,8 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     taut = mechanism.lines.taut(lengths, J @ v)  # 0 for slack cables, else 1
     lines = mechanism.lines
     at_rest = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
-    damping = taut * lines.damping * (J @ v)
+    rubbing = lines.coulomb * sign_of(J @ v, mechanism.friction.sign_width)
+    damping = taut * lines.damping * (J @ v) + rubbing
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
     on_lines = L.T @ (J.T * mechanism.lines.masses)  # masses that move with the lengths, likewise

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the rows of a nonsmooth step are: contacts, ropes, cables, stops and dry joints."""
+"""What the rows of a nonsmooth step are: contacts, ropes, cables, stops and dry friction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ def _gains(name: str, value: ArrayLike | None, motors: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NonsmoothRows:
-    """The rows of one mechanism, in the order contacts, ropes, cables, stops, dry joints.
+    """The rows of one mechanism: contacts, ropes, cables, stops, dry joints, dry lines, in order.
 
     A contact has three rows, along x, y and z of its ground.
     """
@@ -108,16 +108,28 @@ class NonsmoothRows:
         return stops
 
     @cached_property
-    def dry(self) -> Indices:
+    def dry_rates(self) -> Indices:
         """Rates with dry friction."""
         return np.flatnonzero(self.mechanism.friction.coulomb)
 
     @cached_property
+    def dry_lines(self) -> Indices:
+        """Indices of the lines with dry friction."""
+        return np.flatnonzero(self.mechanism.lines.coulomb)
+
+    @cached_property
+    def dry_friction(self) -> Array:
+        """The largest forces of dry friction, of joints, then of lines."""
+        on_joints = self.mechanism.friction.coulomb[self.dry_rates]
+        on_lines = self.mechanism.lines.coulomb[self.dry_lines]
+        return np.concatenate([on_joints, on_lines])
+
+    @cached_property
     def parts(self) -> tuple[slice, slice, slice, slice, slice]:
-        """Where the rows of contacts, ropes, cables, stops and dry joints are."""
+        """Where the rows of contacts, ropes, cables, stops and dry friction are."""
         contacts = self.mechanism.contacts
         sizes = 3 * len(contacts.points), len(contacts.ropes), len(self.cables)
-        ends = np.cumsum([0, *sizes, len(self.stops), len(self.dry)]).tolist()
+        ends = np.cumsum([0, *sizes, len(self.stops), len(self.dry_friction)]).tolist()
         a, b, c, d, e = (slice(*pair) for pair in pairwise(ends))
         return a, b, c, d, e
 
@@ -131,11 +143,11 @@ class NonsmoothRows:
         return kinds
 
     def bounds(self, h: float) -> Array:
-        """Coefficients of friction, and the largest impulses of dry joints in a step."""
+        """Coefficients of friction, and the largest impulses of dry friction in a step."""
         points, _, _, _, dry = self.parts
         bounds = np.zeros(dry.stop)
         bounds[2 : points.stop : 3] = [x.friction for x in self.mechanism.contacts.points]
-        bounds[dry] = h * self.mechanism.friction.coulomb[self.dry]
+        bounds[dry] = h * self.dry_friction
         return bounds
 
     @cached_property
@@ -164,10 +176,10 @@ class NonsmoothRows:
 
     @cached_property
     def on_joints(self) -> Array:
-        """Which impulses of stops and dry friction act on which rates, 1 or -1, shape (m, nv)."""
+        """Which impulses of stops and dry joints act on which rates, 1 or -1, shape (m, nv)."""
         _, _, _, stops, dry = self.parts
         matrix = np.zeros((dry.stop, self.mechanism.model.nv))
         for k, stop in enumerate(self.stops, stops.start):
             matrix[k, stop.rate] = stop.side
-        matrix[range(dry.start, dry.stop), self.dry] = 1
+        matrix[range(dry.start, dry.start + len(self.dry_rates)), self.dry_rates] = 1
         return matrix

@@ -178,7 +178,8 @@ class NonsmoothStep:
                 of_ropes,
                 np.where(constant, 0.0, 1.0)[:, None] * -of_lines[cables],
                 np.reshape(of_stops, (-1, len(v))),
-                np.eye(len(v))[rows.dry],
+                np.eye(len(v))[rows.dry_rates],
+                of_lines[rows.dry_lines],
             ]
         )
         on_coordinates = J @ L

@@ -183,7 +183,7 @@ def reactions(
     loads = _loads(context, wrenches)
     if not mechanism.lines.none:
         lengths, J = context.lines.evaluate(q)
-        tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
+        tensions = mechanism.lines.tensions(lengths, J.dot(v), mechanism.friction.sign_width, tau)
         tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
         loads += context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number, single_array
 from ..errors import DescriptionWarning, InputError, UnknownNameError, warn_caller
+from ..model.dry_friction import sign_of
 from ..model.lines import LineForce
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
 from ..summaries import Summary, listed
@@ -28,8 +29,14 @@ OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 #: Parameters of the rates. A block of columns has one parameter of all rates; the stiffness is only
 #: of rates for which a spring is possible.
 OF_RATE = ("viscous", "coulomb", "armature", "stiffness", "offset")
-#: Parameters of a line.
-OF_LINE = ("stiffness", "damping", "preload", "mass")
+#: Parameters of a line, and the attributes of `LineForce` that have them.
+OF_LINE = {
+    "stiffness": "stiffness",
+    "damping": "damping",
+    "preload": "preload",
+    "mass": "mass",
+    "coulomb": "coulomb_friction",
+}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -42,8 +49,8 @@ class DynamicParameters(Summary):
         names: For each body the name of its joint with .mass, .mx, .my, .mz [kg m] and
             .ixx, .ixy, .iyy, .ixz, .iyz, .izz [kg m^2], about the joint's frame; then for each rate
             .viscous, .coulomb, .armature, .stiffness (where a spring is possible) and .offset, a
-            constant force [N m] or [N]; for each line .stiffness, .damping, .preload, .mass; for
-            each motor .torque_offset, by which measured torques are too large.
+            constant force [N m] or [N]; for each line .stiffness, .damping, .preload, .mass,
+            .coulomb; for each motor .torque_offset, by which measured torques are too large.
         values: Their values, shape (p,), read-only, SI units.
 
     Example:
@@ -128,7 +135,7 @@ class _Blocks(NamedTuple):
     armature: Array  #: Shape (nv,).
     stiffness: Array  #: Shape (rates with springs,).
     offset: Array  #: Shape (nv,).
-    lines: Array  #: Shape (lines, 4), as `OF_LINE`.
+    lines: Array  #: Shape (lines, 5), as `OF_LINE`.
     torque_offsets: Array  #: Shape (motors,).
 
     @property
@@ -156,7 +163,9 @@ def _blocks_of(mechanism: Mechanism) -> _Blocks:
         armature=model.armature,
         stiffness=mechanism.springs.stiffness[mechanism.possible_springs],
         offset=np.zeros(model.nv),
-        lines=np.transpose([lines.stiffness, lines.damping, lines.preload, lines.masses]),
+        lines=np.transpose(
+            [lines.stiffness, lines.damping, lines.preload, lines.masses, lines.coulomb]
+        ),
         torque_offsets=np.zeros(len(mechanism.motor_names)),
     )
 
@@ -170,9 +179,9 @@ def size_of(mechanism: Mechanism) -> int:
     """How many parameters there are."""
     bodies = mechanism.model.njoints - 1
     rates = mechanism.model.nv
-    lines = len(mechanism.lines.forces)
+    lines = len(OF_LINE) * len(mechanism.lines.forces)
     motors = len(mechanism.motor_names)
-    return 10 * bodies + 4 * rates + len(mechanism.possible_springs) + 4 * lines + motors
+    return 10 * bodies + 4 * rates + len(mechanism.possible_springs) + lines + motors
 
 
 def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
@@ -195,7 +204,7 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
 
 
 def _of_lines(context: Context, q: Array, v: Array, v_dot: Array) -> Array:
-    """Columns of the lines, shape (n, 4 lines): L^T J^T times the tension of a unit."""
+    """Columns of the lines, shape (n, 5 lines): L^T J^T times the tension of a unit."""
     lines = context.mechanism.lines
     lengths, J = context.lines.evaluate(q)
     rates = J.dot(v)
@@ -205,6 +214,7 @@ def _of_lines(context: Context, q: Array, v: Array, v_dot: Array) -> Array:
         "damping": taut * rates,
         "preload": taut,
         "mass": context.lines.accelerations(q, v, v_dot),
+        "coulomb": sign_of(rates, context.mechanism.friction.sign_width),
     }
     L_J = J.dot(context.complement.L).T
     columns = [L_J * tensions[word] for word in OF_LINE]  # each (n, lines)
@@ -252,7 +262,7 @@ def changed(
         "spring_reference": None if at_neutral else read_only(reference),
     }
     forces = tuple(
-        replace(line, **dict(zip(OF_LINE, of_line, strict=True)))
+        replace(line, **dict(zip(OF_LINE.values(), of_line, strict=True)))
         for line, of_line in zip(mechanism.lines.forces, blocks.lines, strict=True)
     )
     return model, numbers, forces

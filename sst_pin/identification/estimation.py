@@ -215,7 +215,9 @@ def _equations(
         Y = Y.copy()
         names = chain.dynamic_parameters.names
         dry = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
-        Y[..., dry] *= _mean_signs(chain.joint_rates(q, va))[:, None]
+        v = chain.joint_rates(q, va)
+        rates = np.hstack([v, chain.engine.line_rates(q, v)])  # in the order of `dry`
+        Y[..., dry] *= _mean_signs(rates)[:, None]
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
@@ -345,7 +347,7 @@ def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) ->
 
 
 def _mean_signs(v: Array) -> Array:
-    """The mean of sign(v) about each sample over sign(v) there, for rates v of shape (N, nv).
+    """The mean of sign(v) about each sample over sign(v) there, for rates v of shape (N, k).
 
     The mean is over half a sample before and half a sample after, along straight lines between the
     samples. So filtered friction shows when the sign changes between samples.

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Array, Flags, single_array
 from ..errors import InputError
+from .dry_friction import sign_of
 
 #: Numbers of a line; a YAML has the same keys.
 NUMBERS_OF_LINE = (
@@ -17,6 +18,7 @@ NUMBERS_OF_LINE = (
     "damping",
     "preload",
     "mass",
+    "coulomb_friction",
     "lower",
     "upper",
     "effort",
@@ -31,8 +33,9 @@ class LineForce:
     """A force along the line between the origins of two frames: a spring, a damper, a cylinder.
 
     The tension is preload + stiffness (length - rest_length) + damping times the rate of the
-    length + mass times the second derivative of the length, [N]. A positive tension pulls the two
-    frames together; a gas spring, which pushes, has a negative preload.
+    length + coulomb_friction times the sign of this rate + mass times the second derivative of the
+    length, [N]. A positive tension pulls the two frames together; a gas spring, which pushes, has a
+    negative preload.
 
     If the name of the line is in `actuated`, the line is also a motor: a cylinder. Its
     "torque" is a force, [N], in addition to the tension. A positive one pushes the frames apart;
@@ -47,6 +50,8 @@ class LineForce:
         preload: Tension at the rest length, [N].
         mass: Inertia of what moves with the length, such as a piston with its oil, or a winch: the
             inertia of its drum divided by the square of the radius; zero or positive, [kg].
+        coulomb_friction: Dry friction, such as that of a cylinder's seals, zero or positive, [N].
+            It sticks in `rollout(..., nonsmooth=True)`.
         lower: Shortest length, such as that of a cylinder at its stop, [m]. This and the next three
             are for `check_limits` and files; dynamics does not enforce them.
         upper: Longest length, [m].
@@ -74,6 +79,7 @@ class LineForce:
     damping: float = 0.0
     preload: float = 0.0
     mass: float = 0.0
+    coulomb_friction: float = 0.0
     lower: float = 0.0
     upper: float = inf
     effort: float = inf
@@ -106,6 +112,9 @@ class LineForce:
         if self.pulls_only and self.mass:
             problem = "a slack cable moves no mass; give the mass to a body, or the drum a joint"
             raise InputError(f"mass of line {self}", problem)
+        if self.pulls_only and self.coulomb_friction:
+            problem = "a slack cable has no friction; give it to the joint of a drum or a pulley"
+            raise InputError(f"coulomb_friction of line {self}", problem)
 
     def __str__(self) -> str:
         return self.name
@@ -155,11 +164,23 @@ class Lines:
         """Which lines only pull, shape (lines,)."""
         return np.array([line.pulls_only for line in self.forces], dtype=bool)
 
-    def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
-        """Tensions of the lines with motors, without inertia forces, shape (..., lines), [N]."""
+    @cached_property
+    def coulomb(self) -> Array:
+        """Dry friction of the lines, shape (lines,), [N]."""
+        return np.array([line.coulomb_friction for line in self.forces])
+
+    def tensions(
+        self, lengths: Array, rates: Array, sign_width: float, tau: Array | None = None
+    ) -> Array:
+        """Tensions of the lines with motors, without inertia forces, shape (..., lines), [N].
+
+        `sign_width` is that of `Friction`.
+        """
         tensions = self._unlimited_tensions(lengths, rates)
         if self.pull_only.any():
             tensions = np.where(self.pull_only, np.maximum(tensions, 0.0), tensions)
+        if self.coulomb.any():
+            tensions = tensions + self.coulomb * sign_of(rates, sign_width)
         if tau is not None:
             tensions = tensions - self.actuation.dot(tau)
         return np.asarray(tensions)
@@ -170,7 +191,7 @@ class Lines:
         return np.where(is_slack, 0.0, 1.0)
 
     def _unlimited_tensions(self, lengths: Array, rates: Array) -> Array:
-        """Tensions of springs, dampers and preloads, negative ones of cables too."""
+        """Tensions of springs, dampers and preloads, also negative tensions of cables."""
         springs = self.stiffness * (lengths - self.rest_lengths)
         return np.asarray(self.preload + springs + self.damping * rates)
 

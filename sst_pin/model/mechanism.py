@@ -13,10 +13,10 @@ from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
 from .closures import Brake, Constraint, Coupling
 from .contacts import Contacts
+from .dry_friction import sign_of, sign_slope
 from .joint_space import JointSpace
 from .lines import Lines
 from .loop_groups import LoopGroup, longest_offset, loop_groups
-from .thresholds import AT_REST
 from .tree import joint_id
 
 _Numbers = TypeVar("_Numbers", Array, Indices)
@@ -62,16 +62,11 @@ class Friction:
 
     def forces(self, q_dot: Array) -> Array:
         """tau^f = -(D q_dot + F_c sign q_dot), Eqs. (87)-(89), with the sign that dissipates."""
-        if self.sign_width:
-            sign = np.tanh(q_dot / self.sign_width)
-        else:
-            sign = np.sign(q_dot) * (np.abs(q_dot) > AT_REST)
-        return -(self.viscous * q_dot + self.coulomb * sign)
+        return -(self.viscous * q_dot + self.coulomb * sign_of(q_dot, self.sign_width))
 
     def slopes(self, q_dot: Array) -> Array:
         """Derivatives of the forces by the rates, shape (nv,); `sign_width` must be above 0."""
-        rise = 1 - np.tanh(q_dot / self.sign_width) ** 2
-        return -(self.viscous + self.coulomb * rise / self.sign_width)
+        return -(self.viscous + self.coulomb * sign_slope(q_dot, self.sign_width))
 
 
 @dataclass(frozen=True)

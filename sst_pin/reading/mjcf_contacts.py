@@ -76,6 +76,7 @@ def ropes_of(compiled: Compiled) -> Iterator[Rope]:
             and mj.tendon_range[tendon, 0] <= 0  # no least length
             and not mj.tendon_stiffness[tendon]
             and not mj.tendon_damping[tendon]
+            and not mj.tendon_frictionloss[tendon]
             and len(sites) == 2
             and compiled.is_spatial(tendon)
         )

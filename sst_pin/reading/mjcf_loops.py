@@ -318,7 +318,7 @@ def lines_of(
     efforts: Mapping[str, float],
     ropes: Collection[str],
 ) -> Iterator[LineForce]:
-    """Spatial tendons with a spring, a damper or inertia, and those that are motors.
+    """Spatial tendons with a spring, a damper, friction or inertia, and those that are motors.
 
     Args:
         compiled: The model. It gets a note for each tendon whose limits are ignored.
@@ -337,12 +337,15 @@ def lines_of(
         has_limits = mj.tendon_limited[tendon] and not compiled.disabled("limit")
         stiffness = 0.0
         damping = 0.0
+        dry_friction = 0.0
         if not compiled.disabled("spring"):
             stiffness = mj.tendon_stiffness[tendon]
         if not compiled.disabled("damper"):
             damping = mj.tendon_damping[tendon]
+        if not compiled.disabled("frictionloss"):
+            dry_friction = mj.tendon_frictionloss[tendon]
         mass = compiled.tendon_armature[tendon]
-        exerts_force = stiffness or damping or mass or name in driven
+        exerts_force = stiffness or damping or dry_friction or mass or name in driven
         if not compiled.is_spatial(tendon) or not exerts_force:
             if has_limits and name not in ropes:
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
@@ -371,6 +374,7 @@ def lines_of(
                 stiffness=stiffness,
                 rest_length=shortest if stiffness else 0.0,
                 damping=damping,
+                coulomb_friction=dry_friction,
                 mass=mass,
                 lower=max(lower, 0.0),
                 upper=upper if upper < _FAR else np.inf,

@@ -26,7 +26,6 @@ _NOT_READ = {
     "jnt_stiffnesspoly": "the polynomial of a spring",
     "jnt_springyield": "the yield of a spring",
     "dof_dampingpoly": "the polynomial of a damper",
-    "tendon_frictionloss": "the friction of a spatial tendon",
     "tendon_stiffnesspoly": "the polynomial of a tendon's spring",
     "tendon_dampingpoly": "the polynomial of a tendon's damper",
     "tendon_springyield": "the yield of a tendon's spring",
@@ -135,7 +134,7 @@ def _tendon_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
 
 #: Fields whose forces appear in some states only, so that random states may miss them. They count
 #: wherever they are not zero.
-_IN_SOME_STATES = ("jnt_springyield", "tendon_springyield", "tendon_frictionloss")
+_IN_SOME_STATES = ("jnt_springyield", "tendon_springyield")
 #: Number of random states.
 _STATES = 3
 #: Standard deviation of the random displacements from `qpos0`, [rad] or [m]: large enough that
@@ -154,7 +153,6 @@ class _Forces:
         self._compiled = compiled
         self._mujoco = compiled.mujoco
         self._mj = compiled.mj
-        self._tendons = tree.tendons
         self._moves = np.isin(np.arange(self._mj.nv), tree.dofs)
         random = np.random.default_rng(0)
         self._displacements = _DISPLACEMENT * self._random_rows(random)
@@ -204,16 +202,13 @@ class _Forces:
     def unread_numbers(self, field: str) -> Array:
         """The numbers of a field, with zeros in place of those that are read."""
         values = np.array(getattr(self._mj, field, 0.0), dtype=float)
-        if field == "tendon_frictionloss":
-            values[self._tendons] = 0
         if field == "body_gravcomp" and self._compiled.gravcomp is not None:
             values[:] = 0
         return values
 
     def _has_moving_element(self, field: str, values: Array) -> bool:
         """Whether a joint or tendon that moves has a value, and no flag disables its force."""
-        flag = "frictionloss" if field.endswith("frictionloss") else "spring"
-        if self._compiled.disabled(flag):
+        if self._compiled.disabled("spring"):
             return False
         for i in map(int, np.unique(np.nonzero(values)[0])):
             if field.startswith("jnt"):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, for_each_sample
 from ..engine import Engine, Robot, require_robot
 from ..errors import InputError
+from ..model.dry_friction import sign_of
 from .samples import spline
 from .trajectories import Trajectory, require_motion
 
@@ -61,7 +62,7 @@ def potential_energy(engine: Engine, q: ArrayLike) -> Array:
 
 
 def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
-    """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
+    """Power of friction in all joints, Eq. (87), and along lines, shape (...), [W]."""
     mechanism = engine.mechanism
     v = engine.joint_rates(q, va)
     rates = engine.line_rates(q, v)
@@ -72,7 +73,8 @@ def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
         lengths = for_each_sample(engine.reference.line_lengths, [array], (1,), shape)
         damping = damping * mechanism.lines.taut(lengths, rates)
     on_joints = (mechanism.friction.forces(v) * v).sum(axis=-1)
-    on_lines = -(damping * rates**2).sum(axis=-1)
+    signs = sign_of(rates, mechanism.friction.sign_width)
+    on_lines = -(damping * rates**2 + mechanism.lines.coulomb * signs * rates).sum(axis=-1)
     return finite_array("power", on_joints + on_lines, ())
 
 

@@ -44,6 +44,8 @@ class NonsmoothRollout(NamedTuple):
         status: 0 where the residual is at most 1e-9, 1 where it is larger, 2 for steps after the
             end of a motion, shape (..., N).
         t: Times of the states, the same for all motions, shape (N + 1,), [s].
+        line_friction: Dry friction of the lines that have it; positive where it pushes the ends
+            apart, shape (..., N, lines with friction), [N].
 
     Example:
         >>> motion = chain.rollout(np.zeros((10, 1)), chain.home, [0], 1e-3, nonsmooth=True)
@@ -59,6 +61,7 @@ class NonsmoothRollout(NamedTuple):
     residual: Array
     status: Indices
     t: Array
+    line_friction: Array
 
     def single(self, *index: int) -> NonsmoothRollout:
         """One motion of a batch, by an index for each leading axis.
@@ -84,6 +87,7 @@ class NonsmoothRollout(NamedTuple):
             self.residual[index],
             self.status[index],
             self.t,
+            self.line_friction[index],
         )
 
 
@@ -235,7 +239,7 @@ def _results(
 ) -> NonsmoothRollout:
     """The arrays in the shapes of the arguments; a warning if a step is not solved."""
     steps = arrays.residual.shape[1]
-    points, ropes, cables, _, _ = rows.parts
+    points, ropes, cables, _, dry = rows.parts
 
     def of_batch(array: Array) -> Array:
         return array.reshape(*batch, *array.shape[1:])
@@ -259,6 +263,7 @@ def _results(
         contact_forces=forces[..., points].reshape(*batch, steps, contacts, 3),
         tensions=forces[..., ropes.start : cables.stop],
         joint_forces=forces @ rows.on_joints,
+        line_friction=forces[..., dry.start + len(rows.dry_rates) : dry.stop],
         residual=of_batch(arrays.residual),
         status=status.reshape(*batch, steps),
         t=arrays.dt * np.arange(steps + 1),

@@ -102,6 +102,7 @@ class MovingRobot:
             row = d @ (b.J - a.J)[:3] / length  # the rate of the length is row v
             stretched = line.stiffness * (length - line.rest_length)
             tension = line.preload + stretched + line.damping * row @ self.v
+            tension += line.coulomb_friction * np.sign(row @ self.v)
             if not (line.pulls_only and tension < 0):
                 force -= tension * row
             self.B = self.B + np.outer(row, shares)

@@ -49,7 +49,15 @@ def _bar_with_everything():
     ]
     lines = [
         LineForce("ceiling", "tip", stiffness=90, rest_length=0.55, damping=1, pulls_only=True),
-        LineForce("universe", "hook", stiffness=40, rest_length=0.4, damping=3, name="strut"),
+        LineForce(
+            "universe",
+            "hook",
+            stiffness=40,
+            rest_length=0.4,
+            damping=3,
+            name="strut",
+            coulomb_friction=1.5,
+        ),
         LineForce("ceiling", "knob", name="winch", pulls_only=True),
     ]
     return sst_pin.ClosedChain(
@@ -89,6 +97,8 @@ def test_kernels_step_as_the_reference_path_does():
         assert (motion.tensions.max(axis=(0, 1)) > 0).all()
         assert (motion.tensions.min(axis=(0, 1)) == 0).all()
         assert motion.joint_forces[..., 1].max() > 1  # the stop
+        assert np.abs(motion.line_friction).max() == pytest.approx(1.5)  # the strut slips
+        assert np.abs(motion.line_friction).min() < 1.4  # and sticks
 
 
 @pytest.mark.slow

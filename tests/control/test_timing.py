@@ -26,11 +26,15 @@ def one_body(joint, center=(0, 0, 0), mass=1.0, gravity=9.81):
     return model
 
 
-def cart(mass=2.0, gravity=0.0, viscous=0.0, coulomb=0.0):
-    """One body that slides along z."""
+def cart(mass=2.0, gravity=0.0, viscous=0.0, coulomb=0.0, rubbing=0.0):
+    """One body that slides along z; a cylinder along z may rub too."""
     model = one_body(pin.JointModelPZ(), mass=mass, gravity=gravity)
+    for name, joint, z in (("foot", 0, -1.0), ("eye", 1, 0.0)):
+        place = pin.SE3(np.eye(3), np.array([0, 0, z]))
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    cylinder = sst_pin.LineForce("foot", "eye", coulomb_friction=rubbing)
     friction = {"viscous_friction": [viscous], "coulomb_friction": [coulomb]}
-    return sst_pin.ClosedChain(model, [], ["joint"], **friction)
+    return sst_pin.ClosedChain(model, [], ["joint"], lines=[cylinder], **friction)
 
 
 @pytest.fixture(scope="module")
@@ -40,14 +44,16 @@ def circle(robot):
 
 
 @pytest.mark.parametrize(
-    ("gravity", "coulomb", "limits"), [(9.81, 3.0, 40.0), (0, 0, [[-10.0, 40.0]])]
+    ("gravity", "coulomb", "rubbing", "limits"),
+    [(9.81, 3.0, 0, 40.0), (9.81, 0, 3.0, 40.0), (0, 0, 0, [[-10.0, 40.0]])],
 )
-def test_a_cart_speeds_up_and_brakes_at_its_limit(gravity, coulomb, limits):
+def test_a_cart_speeds_up_and_brakes_at_its_limit(gravity, coulomb, rubbing, limits):
     """m a = F - m g - F_c, then m b = F' + m g + F_c: T^2 = 2 L (1 / a + 1 / b)."""
     m, F, L = 2.0, 40.0, 1.5
-    motion = sst_pin.time_optimal(cart(m, gravity, 0, coulomb), L * WAY, torques=limits)
+    motion = sst_pin.time_optimal(cart(m, gravity, 0, coulomb, rubbing), L * WAY, torques=limits)
     brake = F if np.ndim(limits) == 0 else -limits[0][0]
-    a, b = (F - m * gravity - coulomb) / m, (brake + m * gravity + coulomb) / m
+    dry = coulomb + rubbing
+    a, b = (F - m * gravity - dry) / m, (brake + m * gravity + dry) / m
     assert motion.t[-1] == pytest.approx(np.sqrt(2 * L * (1 / a + 1 / b)), rel=CLOSE)
     assert motion.q[-1, 0] == pytest.approx(L, rel=1e-9)
     assert np.abs(motion.va[[0, -1]]).max() < 1e-6

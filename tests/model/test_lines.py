@@ -17,7 +17,7 @@ from tests.support.derivative_cases import (
 
 #: Ends of lines: from the world, between two links of one branch, over two branches.
 ENDS = [("universe", "point_arm_5"), ("point_arm_1", "point_arm_4"), ("point_body", "point_arm_3")]
-#: The second one has no mass.
+#: The second one has no mass, and the third one has dry friction.
 STRUTS = [
     LineForce(
         *ends,
@@ -26,6 +26,7 @@ STRUTS = [
         damping=3 + k,
         preload=7 - 9 * k,
         mass=2 * (k - 1) ** 2,
+        coulomb_friction=3 * (k == 2),
     )
     for k, ends in enumerate(ENDS)
 ]
@@ -51,7 +52,8 @@ def tension_and_row(chain, line, q, va, aa):
     d_ddot = (J_b - J_a) @ aa + drift_b - drift_a
     speed = d @ d_dot / length
     inertial = line.mass * ((d_dot @ d_dot + d @ d_ddot) - speed**2) / length
-    return length, tension + line.damping * speed + inertial, row
+    friction = line.damping * speed + line.coulomb_friction * np.sign(speed)
+    return length, tension + friction + inertial, row
 
 
 def random_states(chain, count=3):
@@ -87,7 +89,11 @@ def test_terms_hold_springs_and_dampers_of_lines():
         close(terms.springs + terms.gravity, reduced.gravity, 1e-13)
         close(terms.friction, reduced.friction, 1e-13)
         rates = [tension_and_row(chain, line, q, va, aa)[2] @ va for line in STRUTS]
-        damped = sum(line.damping * rate**2 for line, rate in zip(STRUTS, rates, strict=True))
+        damped = sum(
+            line.damping * rate**2 + line.coulomb_friction * abs(rate)
+            for line, rate in zip(STRUTS, rates, strict=True)
+        )
+        close(chain.friction_power(q, va), terms.friction @ va, 1e-12)
         close((bare.noc(q, va).friction - terms.friction) @ va, damped, 1e-12)
 
 

@@ -85,7 +85,6 @@ def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
         (f"{HAND}{TIP}", f"{HAND}{TIP}{HAND}", "tendon both: a tendon through 3 sites"),
         (LEFT, f'{LEFT}{TIP}<pulley divisor="2"/>{TIP}', "tendon damper: a tendon with pulleys"),
         ('name="damper"', 'name="elbow"', "tendon elbow: a joint has this name too"),
-        ('damping="7"', 'damping="7" frictionloss="1"', "friction of a spatial tendon"),
         (
             "<equality>",
             '<equality><tendon tendon1="idle" tendon2="both"/>',
@@ -181,3 +180,13 @@ def test_lines_that_cannot_be_used_are_refused(delta, lines, word):
         sst_pin.ClosedChain.from_urdf(path)
     assert word in str(caught.value)
     assert word.startswith("frame") or any(word in p.text for p in sst_pin.validate(path))
+
+
+def test_the_friction_of_a_spatial_tendon_is_dry_friction_of_a_line(mjcf, tmp_path):
+    """Read, written and read again."""
+    mjcf.write_text(MJCF.replace('damping="7"', 'damping="7" frictionloss="1.5"'))
+    chain = sst_pin.ClosedChain.from_mjcf(mjcf)
+    assert [line.coulomb_friction for line in chain.lines] == [0, 1.5, 0, 0]
+    sst_pin.write_mjcf(chain, tmp_path / "again.xml")
+    again = sst_pin.ClosedChain.from_mjcf(tmp_path / "again.xml")
+    assert [line.coulomb_friction for line in again.lines] == [0, 1.5, 0, 0]

@@ -199,6 +199,29 @@ def test_cylinders_hold_an_excavator_exactly_up_to_their_dry_friction(factor):
         assert displacement > 1e-5  # a thousandth of g moves the boom for half a second
 
 
+@pytest.mark.parametrize("factor", [1.001, 0.999])
+def test_a_ram_holds_its_load_exactly_up_to_its_dry_friction(factor):
+    """A load on a vertical rail: the ram is inclined by 3:4, so it carries m g / 0.8."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "rail")
+    model.appendBodyToJoint(joint, pin.Inertia(2.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    frame(model, "load", "rail", (0, 0, 0))
+    frame(model, "foot", "universe", (0.3, 0, 0))
+    needed = 2 * 9.81 / 0.8
+    ram = sst_pin.LineForce("foot", "load", name="ram", coulomb_friction=factor * needed)
+    chain = sst_pin.ClosedChain(model, [], [], lines=[ram])
+    motion = _free(chain, [0.4], [0], 1e-3, 100)
+    if factor > 1:
+        assert np.abs(motion.q - 0.4).max() < 1e-15
+        assert motion.line_friction == pytest.approx(needed * np.ones((100, 1)), rel=1e-12)
+    else:
+        acceleration = -9.81 + factor * needed * 0.8 / 2
+        assert motion.va[1, 0] == pytest.approx(1e-3 * acceleration, rel=1e-9)
+        assert motion.line_friction[0] == pytest.approx(factor * needed, rel=1e-12)
+    # A smooth motion has the friction of a sliding ram: upwards it pulls.
+    assert chain.compute_accelerations([0.4], [0.1], []) == pytest.approx(-9.81 * (1 + factor))
+
+
 def test_a_screw_holds_its_load_for_100_seconds():
     """A nut that a screw lifts: friction above load x lead / 2 pi holds it to the last digit."""
     lead, load = 0.005, 50.0

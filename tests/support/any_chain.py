@@ -264,7 +264,16 @@ def cart() -> ClosedChain:
     return ClosedChain(model, closures, motors, stiffness=stiffness, spring_reference=rest)
 
 
-GAS = LineForce("wall", "platform", name="gas", stiffness=60, rest_length=0.4, damping=5, mass=1.5)
+GAS = LineForce(
+    "wall",
+    "platform",
+    name="gas",
+    stiffness=60,
+    rest_length=0.4,
+    damping=5,
+    mass=1.5,
+    coulomb_friction=2,
+)
 SPRING = LineForce("rocker_pin", "wall", stiffness=300, rest_length=0.1, preload=-9)
 #: Of a four-bar, two of them on one degree of freedom.
 ON_LINES = ["gas", {"rocker": 0.3, SPRING.name: 2.0}]

@@ -60,15 +60,27 @@ class Case:
 
     def forces(self, q, va, aa, wrenches):
         """f with tanh(v / WIDTH) for the sign, from the dynamics alone."""
-        f, L = self.twin.generalized_forces(q, va, aa, external_wrenches=wrenches), self.L(q)
-        return f + L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
+        f = self.twin.generalized_forces(q, va, aa, external_wrenches=wrenches)
+        return f + self.dry_friction(q, va)
 
     def accelerations(self, q, va, tau, wrenches):
         """aa likewise."""
-        L = self.L(q)
-        friction = L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
+        friction = self.dry_friction(q, va)
         aa = self.twin.compute_accelerations(q, va, tau, external_wrenches=wrenches)
         return aa - np.linalg.solve(self.twin.noc(q, va).inertia, friction)
+
+    def dry_friction(self, q, va):
+        """What smoothed Coulomb friction of joints and lines needs along the coordinates."""
+        L = self.L(q)
+        friction = L.T @ (self.coulomb * np.tanh(L @ va / WIDTH))
+        for line in self.chain.lines:
+            if line.coulomb_friction:
+                ends = line.frame_a, line.frame_b
+                a, b = (self.twin.frame_placement(q, end)[0] for end in ends)
+                J_a, J_b = (self.twin.frame_jacobian(q, end)[:3] for end in ends)
+                row = (b - a) / np.linalg.norm(b - a) @ (J_b - J_a)
+                friction = friction + line.coulomb_friction * np.tanh(row @ va / WIDTH) * row
+        return friction
 
     def way(self, q, random):
         """Rates of the coordinates at which no joint moves faster than 1."""
@@ -95,7 +107,9 @@ def case(model, closures, motors, home=None, **options):
     rest = random_q(model, random, 0.3)
     options |= {"viscous_friction": viscous, "stiffness": stiffness, "spring_reference": rest}
     chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)
-    twin = ClosedChain(model, closures, motors, coulomb_friction=np.zeros(model.nv), **options)
+    smooth = [replace(line, coulomb_friction=0.0) for line in options.get("lines", ())]
+    twin_options = options | {"coulomb_friction": np.zeros(model.nv), "lines": smooth}
+    twin = ClosedChain(model, closures, motors, **twin_options)
     if home is None:
         lines = {"lines": options.get("lines", ())}
         home = regular(ClosedChain(model, closures, motors, **lines))
