@@ -121,7 +121,8 @@ def _weight_problem(link: ET.Element) -> str:
     center = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
     return (
         "gravity is off for some links only, which is not supported; it counts as on. To carry the "
-        f'weight, add a frame at the mass centre, <frame name="{name}_lift" link="{name}" '
+        "weight (with the gravity of an SDF's world in place of 9.81 m/s^2, if it is another one), "
+        f'add a frame at the mass centre, <frame name="{name}_lift" link="{name}" '
         f'xyz="{center}"/> in a URDF or <frame> in an SDF, and pass external_wrenches='
         f'{{"{name}_lift": [0, 0, 9.81 * {mass:.12g}, 0, 0, 0]}}'
     )
