@@ -437,19 +437,18 @@ def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
         # the place, angular about the axes of the place.
         twists = (carrier * placement).action
         twists[:3, :3] = carrier.rotation
-        for closures in loops.of_frames:
+        for rows in loops.of_frames:
             if frame:
-                moves = closures.frames == frame
+                moves_b, moves_a = [end == frame for end in rows.frames]
             else:
-                joint = model.getJointId(place)
-                after = set(model.subtrees[joint])
-                carriers = np.array([x.parentJoint for x in model.frames])[closures.frames]
-                moves = np.isin(carriers, list(after))
+                bodies_after = model.subtrees[model.getJointId(place)]
+                carriers = [model.frames[end].parentJoint for end in rows.frames]
+                moves_b, moves_a = [carrier in bodies_after for carrier in carriers]
             # A place that moves both frames in the same way does not change the closure.
-            moves_b = moves[:, 0] & ~moves[:, 1]
-            moves_a = moves[:, 1] & ~moves[:, 0]
-            by[closures.at[moves_b], k] = closures.W[moves_b, :, :6] @ twists
-            by[closures.at[moves_a], k] = closures.W[moves_a, :, 6:] @ twists
+            if moves_b and not moves_a:
+                by[rows.at, k] = loops.W[rows.at] @ twists
+            if moves_a and not moves_b:
+                by[rows.at, k] = -loops.W[rows.at] @ twists
     return by.reshape(len(by), -1)
 
 

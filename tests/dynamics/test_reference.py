@@ -39,7 +39,7 @@ def files_entered(chain):
 def test_the_page_lists_the_files_from_the_call_to_the_dynamics():
     page = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
     _, listed = page.split("<!-- files of the reference path -->")
-    names = re.findall(r"^\d\. `([\w/]+)`", listed, re.MULTILINE)
+    names = re.findall(r"^\d+\. `([\w/]+)`", listed, re.MULTILINE)
     plain = sst_pin.robots.four_bar()
     assert names == files_entered(plain)
     of_quaternions = files_entered(sst_pin.robots.delta())
@@ -47,4 +47,4 @@ def test_the_page_lists_the_files_from_the_call_to_the_dynamics():
     friction = sst_pin.ClosedChain(
         plain.model, plain.closures, ["crank"], viscous_friction=np.full(3, 0.1)
     )
-    assert files_entered(friction) == [*names, "model/mechanism"]
+    assert files_entered(friction) == [*names, "model/mechanism", "model/dry_friction"]
