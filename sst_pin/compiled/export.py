@@ -336,6 +336,9 @@ def _listed(
     lines += [(LINE, f"line {force}: {numbers_of}") for force in mechanism.lines.forces]
     masses = parameters.massive_lines
     lines += [(1, f"line {mechanism.lines.forces[k]}: mass") for k in masses]
+    rubbing = parameters.dry_lines
+    lines += [(1, f"line {mechanism.lines.forces[k]}: dry friction") for k in rubbing]
+    assert sum(size for size, _ in lines) == len(numbers), "a parameter has no line"
     start = 0
     for size, meaning in lines:
         listed = ", ".join(repr(x) + suffix for x in numbers[start : start + size].tolist())
