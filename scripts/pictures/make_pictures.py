@@ -4,9 +4,11 @@
 import argparse
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from PIL import Image
 
 import browser_pictures
@@ -17,6 +19,9 @@ from sst_pin.files import Writer, write_files
 from sst_pin.sst import PACKAGE_PATH, orientation
 from sst_pin.sst.paper import PERIOD, example_1
 from tests.gallery import adams_spherical_3rrr
+from tests.support.files import load
+
+run_pages = load("scripts/pages/run_pages.py")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -139,7 +144,70 @@ def adams() -> Figure:
     return figure
 
 
-FIGURES = {f.__name__: f for f in (robot, summary, workspace, reach, bearings, who_acts, adams)}
+def loader() -> Figure:
+    """The loader of docs/loader.md from the side at its breakout force.
+
+    Arrows: the force of each parent on its child, of the link on the bucket, of the ground on the
+    edge. Their lengths are proportional to the forces.
+    """
+    page: dict[str, Any] = {}  # what the page's code defines, up to the reactions `w`
+    for block in run_pages.blocks((DOCS / "loader.md").read_text(encoding="utf-8")):
+        if block.language == "python" and "w" not in page:
+            exec(compile(block.text, "loader.md", "exec"), page)
+    points = {name: np.array(place) for name, place in page["pins"].items()}
+    for frame in ("bucket_top", "edge", "lift_foot", "lift_eye", "tilt_foot", "tilt_eye"):
+        points[frame] = page["loader"].frame_placement(page["q"], frame)[0][[0, 2]]
+    reactions = page["w"]
+    metres_per_newton = 1.4e-6
+    with plots.style():
+        figure = Figure(figsize=(5, 3), layout="constrained")
+        ax = figure.add_subplot()
+        for colour, corners in (
+            ("0.9", ("boom", "tilt_foot", "lift_foot")),  # the frame of the vehicle
+            ("0.75", ("boom", "crank", "bucket", "lift_eye")),
+            ("0.6", ("tilt_eye", "crank", "link")),
+            ("#F0D9A8", ("bucket_top", "bucket", "edge")),
+            ("0.45", ("link", "bucket_top")),
+        ):
+            outline = [points[corner] for corner in corners]
+            style = {"color": colour, "linewidth": 7, "joinstyle": "round", "capstyle": "round"}
+            ax.add_patch(Polygon(outline, **style))
+        for name, force, colour, place in (
+            ("lift", page["force"][0], LEG_COLOURS[0], (0.5, -1.25)),
+            ("tilt", page["force"][1], LEG_COLOURS[2], (0.65, 0.55)),
+        ):
+            foot = points[f"{name}_foot"]
+            eye = points[f"{name}_eye"]
+            ax.plot(*np.transpose([foot, eye]), color=colour, linewidth=2.5)  # the rod
+            ax.plot(*np.transpose([foot, foot + 0.6 * (eye - foot)]), color=colour, linewidth=7)
+            text = f"{name} {force / 1000:.0f} kN"
+            ax.text(*place, text, color=colour, size=11, ha="center", va="center")
+        for place in (points[name] for name in points if name != "edge"):
+            ax.plot(*place, "o", color="white", markeredgecolor="black", markersize=5, zorder=3)
+        # At home the axes of joints and frames are those of the world.
+        for name, at, wrench, place in (
+            ("boom", "boom", reactions.of("boom"), (-0.6, 0.3)),
+            ("crank", "crank", reactions.of("crank"), (1.8, -0.25)),
+            ("link", "link", reactions.of("link"), (1.35, -1.4)),
+            ("bucket", "bucket", reactions.of("bucket"), (2.3, -1.75)),
+            ("link end", "bucket_top", reactions.of("link_end - bucket_top"), (2.5, -0.6)),
+            ("ground", "edge", page["ground"][3], (3.4, -1.95)),
+        ):
+            force = wrench[[0, 2]]
+            tip = points[at] + metres_per_newton * force
+            arrow = {"arrowstyle": "-|>", "color": LEG_COLOURS[1], "linewidth": 1.8}
+            arrow |= {"shrinkA": 0, "shrinkB": 0, "mutation_scale": 12}
+            ax.annotate("", tip, points[at], arrowprops=arrow, zorder=4)
+            text = f"{name}\n{np.linalg.norm(force) / 1000:.0f} kN"
+            ax.text(*place, text, size=11, linespacing=1, ha="center", va="center")
+        ax.set(xlim=(-1.15, 3.8), ylim=(-2.2, 0.7), aspect="equal")
+        ax.set_axis_off()
+    return figure
+
+
+FIGURES = {
+    f.__name__: f for f in (robot, summary, workspace, reach, bearings, who_acts, adams, loader)
+}
 
 
 def drawn(figure: Figure) -> Image.Image:
