@@ -123,7 +123,8 @@ class JointComplement:
 
         Redundant rows must hold too, up to the errors f of the loops, Eq. (2).
         """
-        # the block of the coordinates is the identity
+        # Singular values of all blocks of dependent rates. The coordinates add an identity to Phi,
+        # so that the largest one is at least 1.
         smallest = []
         largest = 1.0
         for block in self.blocks:
@@ -133,6 +134,7 @@ class JointComplement:
             self.inverse[block.of_inverse] = inverse * block.scale.T
             largest = max(largest, sizes[0])
             smallest.append(sizes[1])
+        # Written so that NaN is refused too.
         if not all(size * MAX_CONDITION_NUMBER > largest for size in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
         Phi_a = Phi.take(self._mechanism.coordinates, axis=1)
@@ -140,6 +142,8 @@ class JointComplement:
         if not self._redundant:
             return
         left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
+        # Loops that are open by f displace dependent joints by up to f times the condition number,
+        # and Phi, whose entries are up to `largest`, changes in proportion.
         gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
         bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * largest
         self._slack = bound * np.abs(self.L * self._of_L).max(initial=1.0)

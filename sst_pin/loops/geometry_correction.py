@@ -100,15 +100,15 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         ClosureError: For an overconstrained loop that is open by more than `ROUNDED_PLACEMENTS` in
             its best pose.
     """
-    # A part stays as it is if its rows are independent, if it closes in `_LOOKS` poses or in most
-    # poses, if its rank is not clear, if no small displacement makes it close, or if rounding does
-    # not explain the displacement and the part moves as it is.
     with announced(f"model {mechanism.model.name}: checking its closures"):
         original = _Robot(mechanism)
-        start, rates = original.start(), np.arange(mechanism.model.nv)
+        start = original.start()
+        rates = np.arange(mechanism.model.nv)
+        # Independent rows contradict each other nowhere.
         suspects = [p for p in original.parts if not original.has_independent_rows(start, p)]
         if not suspects:
             return mechanism
+        # A few poses show most parts that close as they are; only the others need all poses.
         poses = [original.closest(start, rates, width) for width in _POSES[:_LOOKS]]
         suspects = [p for p in suspects if not all(original.closes(q, p) for q in poses)]
         if not suspects:
@@ -122,7 +122,8 @@ def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array
 
     The start is the first of the poses.
     """
-    corrected, errors = original, np.zeros(len(original.loops.f))
+    corrected = original
+    errors = np.zeros(len(original.loops.f))
     for part in parts:
         original.require_closing(poses, part)
         correction = _correction(original, corrected, part, poses)
@@ -148,14 +149,16 @@ def _correction(
     closed = [q for q in poses if original.gap(q, part) <= ROUNDED_PLACEMENTS]
     rank = _rank_in(original, part, closed)
     if rank is None:
-        return None
+        return None  # its rank is not clear, or its rows are independent
     fitting = [q for q in closed if original.rank(q, part) == rank]
     # Exact loops may stay open in a few poses, next to which there is no closed one.
     closes_mostly = np.median([original.gap(q, part) for q in fitting]) == 0
     if closes_mostly:
         return None
     correction = _closing(corrected, part, rank, poses[0], fitting)
-    if correction is None or not _is_justified(correction, original, part, poses[0]):
+    if correction is None:
+        return None  # no small displacement makes it close
+    if not _is_justified(correction, original, part, poses[0]):
         return None
     return correction
 
@@ -163,6 +166,7 @@ def _correction(
 def _is_justified(correction: _Correction, original: "_Robot", part: _Part, start: Array) -> bool:
     """Whether the errors of the original are rounding, and not what somebody wanted."""
     for q in correction.poses:
+        # The original is far from closed where the corrected robot closes: that is another robot.
         if original.gap(original.closest(q, part.rates), part) > ROUNDED_PLACEMENTS:
             return False
     rounding = original.rounding(start, part)
@@ -248,12 +252,14 @@ class _Robot:
     def moves(self, q: Array, part: _Part) -> bool:
         """Whether a part closes, to rounding, along a motion from near q.
 
-        All rows count as they are here, the contradictions of rounded placements included.
+        All rows must be satisfied, also those that contradict each other because placements are
+        rounded. `closer` counts their small singular values; `closest` takes these for zero.
         """
         rates = part.rates
-        model, scale = self.mechanism.model, self.mechanism.rate_scale[rates]
+        model = self.mechanism.model
+        scale = self.mechanism.rate_scale[rates]
         q = self._assembly.closer(q, rates)
-        random = (displacement(self.mechanism, 1.0) / self.mechanism.rate_scale)[rates]
+        random = displacement(self.mechanism, 1.0)[rates] / scale  # free of units
         for _ in range(_MOTION_STEPS):
             if self.gap(q, part):
                 return False
@@ -340,6 +346,8 @@ class _Robot:
                 break
             left = np.vstack([x.F_left for x in equations])
             right = np.concatenate([x.f_left for x in equations])
+            # Away from closed poses the equations are wrong by about the gap: directions that are
+            # weaker than `_NOISE` gaps are noise.
             d = -np.linalg.lstsq(left, right, rcond=max(_LEAST, _NOISE * gap))[0]
             poses = [result._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
             changes = dict(zip(places, (unit * d).reshape(-1, 6), strict=True))

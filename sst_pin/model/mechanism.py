@@ -163,11 +163,12 @@ class Mechanism:
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
     def usual_size(self, rows: Indices, rates: Indices) -> float:
-        """Size at the example of a block of Phi with one dependent rate, free of units.
+        """Length at the example of the rows of Phi in a block with one dependent rate.
 
-        Such a block has one singular value, so that its condition number is always 1. Compared with
-        its size at the example, it shows how near the block is to a singularity. The result is 0
-        for blocks with more rates, whose condition number says this.
+        Such a block has one singular value, so that its condition number is always 1. An entry of
+        the block that is much smaller than its whole rows, over all rates, are at the example shows
+        that it is near a singularity. The result is 0 for blocks with more rates, whose condition
+        number says this. Free of units.
 
         Args:
             rows: Rows of the block.
