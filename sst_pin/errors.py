@@ -52,6 +52,7 @@ class SSTError(Exception):
     samples: tuple[tuple[int, ...], ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:  # survives the way back from a worker process
+        # Without __init__, whose arguments may differ from `args`.
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def name_samples(self, samples: Sequence[tuple[int, ...]], total: int) -> None:

@@ -75,6 +75,7 @@ class Ball(NamedTuple):
     def loops(self) -> Array:
         """Circles of latitude."""
         circle = _circle(self.radius)
+        # Just short of the poles, so that no circle is a point.
         latitudes = np.linspace(-1.5, 1.5, len(circle) // 2 + 1)
         sections = [np.cos(latitude) * circle for latitude in latitudes]
         return self.center + _stack(self.radius * np.sin(latitudes), sections)

@@ -27,11 +27,6 @@ _HARMLESS = {
     "gripper",
     "safety_controller",
     "drake:collision_filter_group",
-    # their own elements are judged one by one
-    "gazebo",
-    "transmission",
-    "mujoco",
-    "ros2_control",
     # of an SRDF
     "group",
     "group_state",

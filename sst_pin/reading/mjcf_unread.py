@@ -70,7 +70,12 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
 
 
 def _joint_problems(compiled: Compiled) -> Iterator[str]:
-    """Free joints and partly locked balls with forces or inertias that are not read."""
+    """Problems of free joints and balls with forces or inertias of their own.
+
+    A free joint with them is read as three slides and a ball, which `compiled.notes` says. That is
+    not possible if some of its rates are locked. A ball locked in part keeps its friction, which is
+    noted too, but it cannot have a spring.
+    """
     mj = compiled.mj
     for joint in range(mj.njnt):
         if compiled.is_locked(joint):
@@ -113,7 +118,7 @@ def _gravcomp_problem(compiled: Compiled) -> str:
         center = " ".join(f"{x:.12g}" for x in mj.body_ipos[body])
         sites.append(f'in body {name} <site name="{name}_lift" pos="{center}"/>')
         force = -mj.body_gravcomp[body] * mj.body_mass[body] * mj.opt.gravity
-        numbers = ", ".join(f"{x + 0.0:.12g}" for x in force)
+        numbers = ", ".join(f"{x + 0.0:.12g}" for x in force)  # -0 + 0 is 0
         wrenches.append(f'"{name}_lift": [{numbers}, 0, 0, 0]')
     return (
         "gravcomp that differs between bodies is not supported: remove gravcomp, add sites at the "
@@ -169,7 +174,7 @@ class _Forces:
         if not np.any(values):
             return False
         if field in _IN_SOME_STATES:
-            return self._has_moving_element(field, np.atleast_1d(values))
+            return self._has_moving_element(field, values)
         without = copy(self._mj)  # a copy of an MjModel has arrays of its own
         array = getattr(without, field)
         array[:] = array - values

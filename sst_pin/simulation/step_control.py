@@ -136,7 +136,7 @@ class StepControl:
         self._first_length = length
 
     def shorten(self, regular: float) -> None:
-        """Make the next step shorter, after a step of which only a fraction is regular."""
+        """Make the next step shorter than the one remembered, of which a fraction is regular."""
         self._first_length *= max(regular, _SHORTER)
 
     def _longest(self, t: float) -> float:

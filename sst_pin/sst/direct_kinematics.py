@@ -65,7 +65,7 @@ _QUADRATIC_TIMES_QUADRATIC = _products(_DEGREE_2, _DEGREE_2)
 #: Two generic linear forms a . p and b . p; the same at every call, so results repeat to the bit.
 _FORM_A, _FORM_B = np.random.default_rng(1).normal(size=(2, 4))
 #: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
-#: exact to the square root of rounding only, so Newton's method decides.
+#: exact to the square root of rounding only, so this is loose; Newton's method decides.
 _IMAGINARY = 1e-4
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
@@ -96,7 +96,10 @@ def orientations(u: Array, m: Array) -> Array:
 
 
 def _quadrics(u: Array, m: Array) -> Array:
-    """A_k with p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w), (3, 4, 4)."""
+    """A_k with p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w), (3, 4, 4).
+
+    With v = (x, y, z): u . R m = (w^2 - v . v) u . m + 2 (u . v) (m . v) + 2 w v . (m x u).
+    """
     A = np.empty((3, 4, 4))
     cosine = (u * m).sum(axis=1)
     cross = np.cross(m, u)

@@ -105,12 +105,12 @@ class MovingRobot:
             tension += line.coulomb_friction * np.sign(row @ self.v)
             if not (line.pulls_only and tension < 0):
                 force -= tension * row
-            self.B = self.B + np.outer(row, shares)
-            # The mass of the line has the acceleration row v_dot + drift.
+            self.B = self.B + np.outer(row, shares)  # a motor pushes, unlike a tension
+            # The mass of the line has the acceleration row v_dot + length_ddot.
             d_dot = (b.twist - a.twist)[:3]
             d_ddot = (b.drift - a.drift)[:3]  # as if v were constant
-            drift = (d_dot @ d_dot + d @ d_ddot) / length - (d @ d_dot) ** 2 / length**3
-            force -= line.mass * drift * row
+            length_ddot = (d_dot @ d_dot + d @ d_ddot) / length - (d @ d_dot) ** 2 / length**3
+            force -= line.mass * length_ddot * row
             self.line_inertia += line.mass * np.outer(row, row)
         self.applied = force
 
