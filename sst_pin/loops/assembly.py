@@ -25,6 +25,8 @@ from .joint_limits import JointLimits
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
+# A row is open if its error is above both `_ASSEMBLED` and `Assembly._rounding`. Newton's method
+# goes on below that, until the error is below `_POLISHED` or the rounding of the positions.
 #: Largest error of an assembled configuration.
 _ASSEMBLED = 1e-11
 _STEPS = 100
@@ -187,10 +189,15 @@ class Assembly:
         """The configuration after a step, and its errors.
 
         The step of each group is halved, in `step`, until the group's error falls. It becomes zero
-        if the error never falls, or if the error is rounding.
+        if the error does not fall, or if the error before the step is rounding already, which no
+        step can lower.
         """
-        model, scale = self.mechanism.model, self.mechanism.rate_scale
-        for halvings in range(_HALVINGS + 1):
+        model = self.mechanism.model
+        scale = self.mechanism.rate_scale
+        halvings = 0
+        # Each pass halves the steps of some groups or ends them, so that the loop ends. Groups
+        # share no free joint, so that they do not disturb each other.
+        while True:
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._error(trial)
             worse = [
@@ -200,14 +207,14 @@ class Assembly:
             ]
             if not worse:
                 return trial, f_trial
-            # The last pass tries the steps of the groups that are left.
             rounding = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
-                step[group.rates] /= 2
                 is_rounding = (np.abs(f[group.rows]) < rounding[group.rows]).all()
-                if is_rounding or halvings >= _HALVINGS - 1:
+                if is_rounding or halvings == _HALVINGS:
                     step[group.rates] = 0.0
-        return q, self._error(q)  # no group is left that moves
+                else:
+                    step[group.rates] /= 2
+            halvings += 1
 
     def _error(self, q: Array) -> Array:
         """f at q, shape (rows,); the loops are evaluated at q."""

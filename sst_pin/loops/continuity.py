@@ -92,7 +92,8 @@ class Continuity:
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
-        self._mechanism, self._loops = mechanism, loops
+        self._mechanism = mechanism
+        self._loops = loops
         # Joints in linear couplings only may turn by any amount.
         self._curved = np.flatnonzero(loops.curved)
         self._blocks = diagonal_blocks(mechanism, loops)
@@ -135,12 +136,15 @@ class Continuity:
         return low, q
 
     def _near(self, before: Array, after: Array, limit: float) -> bool:
-        """Whether a configuration is next to the one before it, and regular.
+        """Whether the configuration `after` is next to `before`, and regular.
 
-        It is compared with the anchor first, and with the one before it if it is too far from the
-        anchor.
+        An anchor serves many samples, because its SVDs are slow. `before` and `after` both lie
+        within `CHANGE` of it; so do all matrices between their Phi, which therefore are regular
+        too. If `after` is too far from the anchor, `before` becomes the anchor.
         """
-        sample, last, anchor = self._sample(after), self._last, self._anchor
+        sample = self._sample(after)
+        last = self._last
+        anchor = self._anchor
         if last is None or anchor is None or not np.array_equal(last.q, before):
             last = self._sample(before)
             anchor = _Anchor.at(last)
@@ -148,7 +152,10 @@ class Continuity:
         if not near and anchor.sample is not last:
             anchor = _Anchor.at(last)
             near = self._continues(anchor, sample, limit)
-        self._last, self._anchor = sample if near else last, anchor
+        if near:
+            last = sample
+        self._last = last
+        self._anchor = anchor
         return near
 
     def _continues(self, anchor: _Anchor, sample: _Sample, limit: float) -> bool:
@@ -157,10 +164,11 @@ class Continuity:
             return False
         step = pin.difference(self._mechanism.model, anchor.sample.q, sample.q)
         step /= self._mechanism.rate_scale
-        if not np.abs(step[self._curved]).max(initial=0.0) <= TRAVEL:
+        if not np.abs(step[self._curved]).max(initial=0.0) <= TRAVEL:  # NaN is refused too
             return False
         for inverse, a, b in zip(anchor.inverses, anchor.sample.blocks, sample.blocks, strict=True):
             change = inverse @ (b - a)  # Phi_a^+ (Phi_b - Phi_a)
+            # The Frobenius norm of each block; it is not less than |change|.
             if not np.einsum("bij,bij->b", change, change).max() <= CHANGE**2:
                 return False
         return self._is_surely_regular(anchor, sample, limit) or self._condition(sample) < limit
@@ -169,8 +177,9 @@ class Continuity:
         """Whether a bound shows, without an SVD, that the condition numbers are below the limit.
 
         As |Phi_a^+ (Phi_b - Phi_a)| <= 1/2, the smallest singular value of Phi_b is at least half
-        of that of Phi_a. Its largest one is at most its Frobenius norm. `largest_condition` takes
-        it as the usual size of a block at least, because a block may be small as a whole.
+        of that of Phi_a. The largest one of Phi_b is at most its Frobenius norm.
+        `largest_condition` takes the largest one as the usual size of the block at least, because
+        a block may be small as a whole.
         """
         for of_shape, blocks, smallest in zip(
             self._blocks, sample.blocks, anchor.smallest, strict=True

@@ -123,7 +123,7 @@ def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array
     The start is the first of the poses.
     """
     corrected = original
-    errors = np.zeros(len(original.loops.f))
+    errors_before = np.zeros(len(original.loops.f))  # for the warning
     for part in parts:
         original.require_closing(poses, part)
         correction = _correction(original, corrected, part, poses)
@@ -132,9 +132,9 @@ def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array
         corrected = correction.robot
         for q in correction.poses:
             error = original.errors(original.closest(q, part.rates), part)
-            errors = np.maximum(errors, error)
+            errors_before = np.maximum(errors_before, error)
     if corrected is not original:
-        _warn(original.mechanism, corrected.mechanism, errors)
+        _warn(original.mechanism, corrected.mechanism, errors_before)
     return corrected.mechanism
 
 
@@ -333,14 +333,16 @@ class _Robot:
     ) -> tuple["_Robot", Array]:
         """The robot with displaced placements, so that a part closes next to these poses.
 
-        Beside it stand the displacements of all places, [rad] and lengths of the loop.
+        Also returns the displacements d of all places, [linear; angular] for each, in lengths of
+        the loop and [rad].
         """
-        result, places = self, self._places(part)
-        # Displacements are [linear; angular]; linear ones are in lengths of the loop.
-        unit = np.tile(np.repeat([1 / self._per_length(part), 1.0], 3), len(places))
-        total = np.zeros(len(unit))
+        result = self
+        places = self._places(part)
+        length = 1 / self._per_length(part)
+        scale_of_d = np.tile(np.repeat([length, 1.0], 3), len(places))  # to [m] and [rad]
+        total = np.zeros(len(scale_of_d))
         for _ in range(_STEPS):
-            equations = [result._equations(q, part, rank, places, unit) for q in poses]
+            equations = [result._equations(q, part, rank, places, scale_of_d) for q in poses]
             gap = max(float(np.abs(x.f_left).max(initial=0.0)) for x in equations)
             if gap < _CLOSED:
                 break
@@ -350,19 +352,22 @@ class _Robot:
             # weaker than `_NOISE` gaps are noise.
             d = -np.linalg.lstsq(left, right, rcond=max(_LEAST, _NOISE * gap))[0]
             poses = [result._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
-            changes = dict(zip(places, (unit * d).reshape(-1, 6), strict=True))
+            changes = dict(zip(places, (scale_of_d * d).reshape(-1, 6), strict=True))
             result = result._displaced(changes)
             total += d
         return result, total
 
     def _equations(
-        self, q: Array, part: _Part, rank: int, places: Mapping[str, int], unit: Array
+        self, q: Array, part: _Part, rank: int, places: Mapping[str, int | None], scale_of_d: Array
     ) -> "_Equations":
-        """What displacements, in units of their own, have to fulfil at a pose."""
+        """The equations U^T (f + F d) = 0 at one pose, d in lengths of the loop and [rad].
+
+        The columns of U are the combinations of rows that no motion of the joints changes.
+        """
         U, s, Vt = np.linalg.svd(self._Phi(q, part))  # evaluates the loops at q
         scale = self.mechanism.row_scale[part.rows]
         f = self.loops.f[part.rows] * scale
-        F = by_displacements(self.loops, places)[part.rows] * scale[:, None] * unit
+        F = by_displacements(self.loops, places)[part.rows] * scale[:, None] * scale_of_d
         G = Vt[:rank].T / s[:rank] @ U[:, :rank].T
         beyond = U[:, rank:].T
         return _Equations(f, F, beyond @ f, beyond @ F, G)
@@ -387,6 +392,7 @@ class _Robot:
         It is that of the last digits of its placements, or the gap that is left at q, if larger. It
         is 0 if the part closes at q and its numbers are not rounded.
         """
+        # Files write angles with as many digits as lengths, so that all numbers count together.
         numbers = list[float]()
         for place in self._places(part):
             _, placement = place_of(self.mechanism.model, place)
@@ -394,14 +400,14 @@ class _Robot:
         last_digit = half_a_digit(np.array(numbers)) * self._per_length(part)
         return max(last_digit, self.gap(self.closest(q, part.rates), part))
 
-    def _places(self, part: _Part) -> dict[str, int]:
-        """Joints of a part, and frames that only one closure has: their frame indices, or 0."""
+    def _places(self, part: _Part) -> dict[str, int | None]:
+        """Joints of a part, with None, and frames that only one closure has, with their indices."""
         model, closures = self.mechanism.model, self.mechanism.closures
         uses = Counter(name for closure in closures for name in frames_of(closure))
-        places = dict[str, int]()
+        places = dict[str, int | None]()
         for j in range(1, model.njoints):
             if model.joints[j].idx_v in part.rates:
-                places[model.names[j]] = 0
+                places[model.names[j]] = None
         ends = set[str]()
         for closure, rows in zip(closures, self.loops.slices, strict=True):
             if np.isin(part.rows, range(rows.start, rows.stop)).any():
@@ -431,27 +437,27 @@ class _Equations:
     G: Array
 
 
-def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
+def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
     """Derivatives of f by displacements of places, see `geometry`, shape (rows, 6 places).
 
-    The number of a place is 0 for a joint, else the index of the frame.
+    A place is a joint, with None, or a frame, with its index.
     """
     model, data, bodies = loops.model, loops.data, loops.tree.bodies
     by = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
         body, placement = place_of(model, place)
-        carrier = data.oMi[bodies[body]]
+        oMcarrier = data.oMi[bodies[body]]
         # Twists in the world of unit displacements: linear along the axes of the body that carries
         # the place, angular about the axes of the place.
-        twists = (carrier * placement).action
-        twists[:3, :3] = carrier.rotation
+        twists = (oMcarrier * placement).action
+        twists[:3, :3] = oMcarrier.rotation
         for rows in loops.of_frames:
-            if frame:
+            if frame is not None:
                 moves_b, moves_a = [end == frame for end in rows.frames]
             else:
                 bodies_after = model.subtrees[model.getJointId(place)]
-                carriers = [model.frames[end].parentJoint for end in rows.frames]
-                moves_b, moves_a = [carrier in bodies_after for carrier in carriers]
+                joints = [model.frames[end].parentJoint for end in rows.frames]
+                moves_b, moves_a = [joint in bodies_after for joint in joints]
             # A place that moves both frames in the same way does not change the closure.
             if moves_b and not moves_a:
                 by[rows.at, k] = loops.W[rows.at] @ twists
@@ -460,7 +466,7 @@ def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
     return by.reshape(len(by), -1)
 
 
-#: Numbers of files have at most so many digits after the point; numbers of more are not rounded.
+#: A number is rounded if it has fewer digits after the point than this.
 _DIGITS = 9
 #: Numbers count as rounded to k digits if more than this part of them have at most k digits after
 #: the point: the others may be products of rounded numbers.
