@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The quantities that have kernels, in one table."""
+"""The quantities that have kernels."""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-#: Names of the quantities. All but "closing" and "rollout" are methods of `Reference`.
+#: Names of the quantities. All but "closing", "rollout" and "frame_placement" are methods of
+#: `Reference`; "frame_placement" has kernels for Warp only, and no row in `QUANTITIES`.
 Name = Literal[
     "torques",
     "generalized_forces",
@@ -31,8 +32,8 @@ Name = Literal[
 class Properties(NamedTuple):
     """Properties of a quantity."""
 
-    #: Whether a kernel can compute it along one direction at a time: a column of the result for a
-    #: unit rate of a coordinate, or for a parameter. The directions of one sample then fill the
+    #: Whether a kernel can compute it by directions. A direction is a unit rate of a coordinate, or
+    #: a parameter, and gives a column of the result. Several directions of one sample then fill the
     #: lanes of a register that otherwise hold samples; see `Quantity.along`.
     by_directions: bool = False
     #: Whether external wrenches may act.
