@@ -5,7 +5,8 @@ Arrays of the statements:
 
     x   the inputs of the sample, one after the other
     p   the symbolic parameters, then constants that are computed from them alone
-    y   the results, then the checks
+    y   of the function that runs once: results, the factors with which the passes solve, checks;
+        of a pass: results, checks
     d   in a pass, the direction: a rate for each coordinate of the pass
     o   in a pass, the array y of the function that runs once for the sample
 
@@ -36,7 +37,7 @@ OF_SAMPLE = -1
 
 #: Arguments of the sign function after the rate: its width, and the rate below which a joint rests.
 _SIGN_ARGUMENTS = f"p[{SIGN_WIDTH}], N({AT_REST})"
-#: C of each operation; {0} and {1} are its operands.
+#: C of each operation; {0} and {1} are its operands. c/real.h defines the macros and functions.
 _FORMS = {
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
@@ -74,8 +75,8 @@ def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -
         size: Size of p before the constants of this kernel; that of the parameters by default.
         suffix: The suffix of literals, "f" in single precision.
     """
-    # The CasADi function: inputs are x, p, and the direction of each pass; outputs are y of the
-    # function that runs once, then y of each pass.
+    # The CasADi function. Inputs: x, p, then the direction of each pass. Outputs: y of the function
+    # that runs once, then y of each pass.
     inputs = [ca.vertcat(*kernel.inputs.values()), kernel.parameters]
     passes = []
     factors = SX(0, 1)
@@ -156,19 +157,21 @@ class Writer:
         self.room = room
         #: Where results that depend on parameters only are stored in p, by name.
         self._in_p: dict[str, str] = {}
-        #: Where results that passes use are stored in y, by name.
+        #: Where results that passes use are stored in y and read in o, by name.
         self._in_y: dict[str, str] = {}
         #: Numbers of pairs of sine and cosine, by the angle.
         self._angles: dict[str, int] = {}
         #: Reciprocals of expressions.
         self._inverses: dict[Expression, Expression] = {}
-        #: The arguments of signs that are not written yet, by the name of the sign. A sign times a
-        #: constant (Coulomb friction) becomes one operation; other uses write the sign first.
+        #: The arguments of pending signs, by the name of the sign. A product of a sign and a
+        #: constant (Coulomb friction) is one call with the argument, and leaves the sign pending.
+        #: The first other use writes the sign and removes it from here. A sign without other use is
+        #: never written.
         self._pending_signs: dict[str, str] = {}
 
     def store(self, entry: int, result: Expression, in_function: int) -> None:
         """Write an entry of the y of a function: `OF_SAMPLE`, or the number of a pass."""
-        text = self._text(result, in_function)
+        text = self._make_available(result, in_function)
         self.lines[in_function].append(f"y[{entry}] = REAL({text});")
 
     def write(self, name: str, operation: int, operands: list[Expression]) -> Expression:
@@ -181,11 +184,11 @@ class Writer:
         depends_on = max(operand.depends_on for operand in operands)
         lines = self.lines[depends_on]
         if operation == ca.OP_SIGN:
-            self._pending_signs[name] = self._text(operands[0], depends_on)
+            self._pending_signs[name] = self._make_available(operands[0], depends_on)
             return Expression(name, depends_on)
         if operation == ca.OP_MUL and self._write_friction(name, operands):
             return Expression(name, depends_on)
-        texts = [self._text(operand, depends_on) for operand in operands]
+        texts = [self._make_available(operand, depends_on) for operand in operands]
         if operation in (ca.OP_SIN, ca.OP_COS):
             angle = texts[0]
             k = self._angles.setdefault(angle, len(self._angles))
@@ -201,7 +204,10 @@ class Writer:
         return Expression(name, depends_on)
 
     def _write_friction(self, name: str, operands: list[Expression]) -> bool:
-        """Write the product of a pending sign and a constant; False if it is another product."""
+        """Write the product of a pending sign and a constant; False if it is another product.
+
+        The sign stays pending: the call takes its argument.
+        """
         depends_on = max(operand.depends_on for operand in operands)
         if depends_on == OF_PARAMETERS:
             return False
@@ -209,7 +215,7 @@ class Writer:
         for sign, factor in ((first, second), (second, first)):
             if sign.text in self._pending_signs and factor.depends_on == OF_PARAMETERS:
                 rate = self._pending_signs[sign.text]
-                force = self._text(factor, depends_on)
+                force = self._make_available(factor, depends_on)
                 call = f"rubbing({rate}, {force}, {_SIGN_ARGUMENTS})"
                 self.lines[depends_on].append(f"const real {name} = {call};")
                 return True
@@ -225,27 +231,45 @@ class Writer:
             )
         return self._inverses[x]
 
-    def _text(self, x: Expression, sort: int) -> str:
-        """The text of an expression in statements of a sort; it is stored in p or y if need be."""
-        lines = self.lines[x.depends_on]
+    def _make_available(self, x: Expression, sort: int) -> str:
+        """The text by which statements of a sort read x, once this has written what they need.
+
+        It writes x itself if x is a pending sign, and a copy in p or y if x is a result of an
+        earlier sort. All functions can read inputs and literals as they are.
+        """
         if x.text in self._pending_signs:
-            rate = self._pending_signs.pop(x.text)
-            lines.append(
-                f"const {_type(x.depends_on)} {x.text} = direction({rate}, {_SIGN_ARGUMENTS});"
-            )
+            self._write_pending_sign(x)
         if sort == x.depends_on or not x.is_result:
             return x.text
         if x.depends_on == OF_PARAMETERS:
-            if x.text not in self._in_p:
-                self._in_p[x.text] = f"p[{self.size}]"
-                self.size += 1
-                lines.append(f"{self._in_p[x.text]} = {x.text};")
-            return self._in_p[x.text]
+            return self._copy_to_p(x)
+        return self._copy_to_y(x)
+
+    def _write_pending_sign(self, sign: Expression) -> None:
+        """Write a sign, which is then a result as any other."""
+        rate = self._pending_signs.pop(sign.text)
+        self.lines[sign.depends_on].append(
+            f"const {_type(sign.depends_on)} {sign.text} = direction({rate}, {_SIGN_ARGUMENTS});"
+        )
+
+    def _copy_to_p(self, x: Expression) -> str:
+        """The entry of p with a result of parameters; its first reader makes the copy."""
+        if x.text not in self._in_p:
+            self._in_p[x.text] = f"p[{self.size}]"
+            self.size += 1
+            self.lines[x.depends_on].append(f"{self._in_p[x.text]} = {x.text};")
+        return self._in_p[x.text]
+
+    def _copy_to_y(self, x: Expression) -> str:
+        """The entry of o with a result of the sample; its first reader makes the copy.
+
+        The function that runs once writes it as y, and a pass reads the same array as o.
+        """
         if x.text not in self._in_y:
             self._in_y[x.text] = f"[{self.room}]"
             self.room += 1
-            lines.append(f"y{self._in_y[x.text]} = {x.text};")
-        return f"o{self._in_y[x.text]}"  # a pass reads the y of the function that runs once as o
+            self.lines[x.depends_on].append(f"y{self._in_y[x.text]} = {x.text};")
+        return f"o{self._in_y[x.text]}"
 
 
 def _type(depends_on: int) -> str:
