@@ -39,12 +39,15 @@ from .symbolic_parameters import GRAVITY, SymbolicParameters
 from .symbols import Sparse, SymmetricFactors, add, column, is_zero, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
-#: Above this number of `pairs_per_column` the product of a matrix of the tree and L takes fewer
-#: operations column by column: of the mass matrix, and of derivatives of forces.
-_MASS_BY_COLUMNS, _DERIVATIVES_BY_COLUMNS = 2.5, 1.5
-#: The least number of coordinates for which articulated bodies can take fewer operations, and the
-#: largest for which the factors of the whole matrix can.
-_ARTICULATED, _NOT_WHOLE = 8, 40
+#: Above this number of `_pairs_per_column` M L takes fewer operations column by column, with the
+#: mass matrix M of the tree.
+_MASS_BY_COLUMNS = 2.5
+#: The same for derivatives of the forces of the tree in place of M.
+_DERIVATIVES_BY_COLUMNS = 1.5
+#: Articulated bodies can take fewer operations from this number of coordinates on.
+_ARTICULATED = 8
+#: The factors of the whole matrix can take fewer operations up to this number of coordinates.
+_NOT_WHOLE = 40
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 
@@ -53,7 +56,8 @@ class Pivots(NamedTuple):
     """Phi_u, factorised."""
 
     factors: Blocks
-    #: The largest sizes of the pivots of each part in the samples.
+    #: For each entry of `factors.parts`, in this order: the largest sizes of its pivots in the
+    #: samples; of an `Orthogonal`, the largest squares.
     sizes: list[Array]
     #: |det| of the rows with pivots, free of units; for parts in which all rows count, the product
     #: of the singular values.
@@ -62,14 +66,26 @@ class Pivots(NamedTuple):
     norm: float
 
 
+class _Part(NamedTuple):
+    """A part of Phi_u, factorised. It shares no row and no rate with other parts."""
+
+    #: Rows of its blocks, by number.
+    entries: Mapping[int, Sparse]
+    #: Its blocks in the order of solution.
+    sequence: Sequence[Block]
+    #: As in `Pivots`, for each block that defines no auxiliary unknown.
+    sizes: list[Array]
+
+
 class Equations:
     """Symbols of one mechanism.
 
     Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
     wrenches act: `loads` are [force; moment] on each body at its mass centre, base axes. `smooth`
     tells whether Coulomb friction is tanh(v / sign_width), for derivatives; kernels smooth the sign
-    by themselves. `welded` bodies are computed as one. With `displaced` joints derivatives by q
-    along the rates can be taken. p are the symbolic parameters, in the order of `parameters`.
+    by themselves. `welded` bodies are computed as one. If `displaced`, joints have small
+    displacements, and derivatives by them are those by q along the rates (`Kinematics`). p are the
+    symbolic parameters, in the order of `parameters`.
     """
 
     def __init__(
@@ -86,13 +102,20 @@ class Equations:
         model = mechanism.model
         self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        acceleration = -self.p[GRAVITY] if displaced else None  # as if the base were lifted
+        # The forces of the tree contain weight as an acceleration of the base. Rows of closures
+        # subtract accelerations, in which that of the base cancels. Derivatives by displacements
+        # need forces and rows together. With the same acceleration in both they share expressions,
+        # so that those of a scissor lift take fewer operations.
+        acceleration = None
+        if displaced:
+            acceleration = -self.p[GRAVITY]
         self.kinematics = Kinematics(model, displaced, acceleration)
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]
         self._rates = range(model.nv)
-        self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
+        self.va = SX.sym("va", len(self._coordinates))
+        self.aa = SX.sym("aa", len(self._coordinates))
         self.tau = SX.sym("tau", mechanism.motor_count)
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self.tree = TreeDynamics(
@@ -118,61 +141,104 @@ class Equations:
     @cached_property
     def pivots(self) -> Pivots:
         """Phi_u in parts that share no row and no rate, and these in blocks of loops."""
-        scale = self.mechanism.row_scale
-        units = self.mechanism.rate_scale[self._dependent]
-        Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
-        matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
-        pattern = ca.DM(matrix.sparsity(), 1).full() > 0
-        values = self.at_samples(matrix) * scale[:, None]
-        # Rows that hold nothing, such as a plane's for a planar arm, are rounding.
-        sizes_of_rows = np.abs(values * units).max(axis=(0, 2), initial=0.0)
-        pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
-        Phi = [row.Phi for row in self.rows]
-        determinant = SX(float(np.prod(units)))
+        pattern, values = self._Phi_u_at_samples()
         entries = dict[int, Sparse]()
         sequence = list[Block]()
-        all_sizes = list[Array]()
+        sizes = list[Array]()
         for rows, columns in connected(pattern):
-            if numbers := self._all_of(values, rows, columns):
-                rates = [self._dependent[k] for k in columns]
-                orthogonal, sizes = self._orthogonal(Phi, numbers, rates)
-                entries |= {i: Phi[i] for i in numbers}
-                sequence.append(orthogonal)
-                all_sizes.append(sizes)
-                continue
-            factors = list[Factors]()
-            block = np.ix_(rows, columns)
-            for order, sizes in _pivots_by_blocks(pattern[block], values[:, rows][:, :, columns]):
-                chosen = rows[[i for i, _ in order]]
-                rates = [self._dependent[columns[k]] for _, k in order]
-                factors.append(Factors(Phi, list(zip(chosen.tolist(), rates, strict=True))))
-                # Sizes of the pivots of the rows without scales.
-                all_sizes.append(sizes / scale[chosen])
-                determinant *= float(np.prod(scale[chosen]))
-            # Auxiliary unknowns get the next indices of rows and columns that nothing has yet.
-            first = len(Phi) + len(entries), len(self._rates) + len(entries)
-            of_part, in_order = coupled(self.kinematics, self.rows, factors, first)
-            entries |= of_part
-            sequence += in_order
-        blocks = Blocks(entries, sequence)
-        for part in blocks.parts:
-            for pivot in part.pivots:
-                determinant *= pivot
-        norm = np.linalg.norm(values[:, blocks.rows] * units, axis=(1, 2)).max(initial=0.0)
-        return Pivots(blocks, all_sizes, determinant, float(norm))
+            independent = self._rows_without_choice(values, rows, columns)
+            if independent:
+                part = self._orthogonal_part(independent, columns)
+            else:
+                # Auxiliary unknowns get indices of rows and columns that nothing has yet.
+                taken = len(entries)
+                first_auxiliary = len(self.rows) + taken, len(self._rates) + taken
+                part = self._part_by_blocks(pattern, values, rows, columns, first_auxiliary)
+            entries |= part.entries
+            sequence += part.sequence
+            sizes += part.sizes
+        factors = Blocks(entries, sequence)
+        units = self.mechanism.rate_scale[self._dependent]
+        norms = np.linalg.norm(values[:, factors.rows] * units, axis=(1, 2))
+        return Pivots(factors, sizes, self._determinant(factors), float(norms.max(initial=0.0)))
 
-    def _all_of(self, values: Array, rows: Indices, columns: Indices) -> dict[int, float]:
-        """Rows of a part of Phi_u that all count, with their scales, or none.
+    def _Phi_u_at_samples(self) -> tuple[Flags, Array]:
+        """The entries of Phi_u that may differ from zero, and Phi_u in the samples.
 
-        There are none if a choice of rows suffices: no more rows than columns are independent over
-        all samples.
+        The scales of the rows are in the values; the units of the columns are not.
+        """
+        Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
+        matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
+        values = self.at_samples(matrix) * self.mechanism.row_scale[:, None]
+        pattern = ca.DM(matrix.sparsity(), 1).full() > 0
+        # Rows that hold nothing, such as a plane's for a planar arm, are rounding.
+        units = self.mechanism.rate_scale[self._dependent]
+        sizes_of_rows = np.abs(values * units).max(axis=(0, 2), initial=0.0)
+        pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
+        return pattern, values
+
+    def _rows_without_choice(
+        self, values: Array, rows: Indices, columns: Indices
+    ) -> dict[int, float]:
+        """Independent rows, with their scales, of a part where no choice of rows always suffices.
+
+        Side by side over all samples, such a part has more independent rows than columns. For
+        another part the result is empty: some of its rows suffice in every sample.
         """
         units = self.mechanism.rate_scale[self.mechanism.dependent[columns]]
         side_by_side = np.hstack(list(values[:, rows][:, :, columns] * units))
-        free = independent_rows(side_by_side)
-        if len(free) <= len(columns):
+        independent = independent_rows(side_by_side)
+        if len(independent) <= len(columns):
             return {}
-        return {int(i): float(self.mechanism.row_scale[i]) for i in rows[free]}
+        return {int(i): float(self.mechanism.row_scale[i]) for i in rows[independent]}
+
+    def _orthogonal_part(self, scale: Mapping[int, float], columns: Indices) -> _Part:
+        """A part of Phi_u in which all rows count: those in `scale`, with their scales."""
+        Phi = [row.Phi for row in self.rows]
+        rates = [self._dependent[k] for k in columns]
+        factors, squares = self._orthogonal(Phi, scale, rates)
+        return _Part({i: Phi[i] for i in scale}, [factors], [squares])
+
+    def _part_by_blocks(
+        self,
+        pattern: Flags,
+        values: Array,
+        rows: Indices,
+        columns: Indices,
+        first_auxiliary: tuple[int, int],
+    ) -> _Part:
+        """A part of Phi_u in which elimination chooses rows, block by block.
+
+        `first_auxiliary` are the row and the column of the first auxiliary unknown, if it gets any.
+        """
+        Phi = [row.Phi for row in self.rows]
+        pattern_of_part = pattern[np.ix_(rows, columns)]
+        values_of_part = values[:, rows][:, :, columns]
+        blocks = list[Factors]()
+        sizes = list[Array]()
+        for order, scaled_sizes in _pivots_by_blocks(pattern_of_part, values_of_part):
+            chosen = rows[[i for i, _ in order]]
+            rates = [self._dependent[columns[k]] for _, k in order]
+            blocks.append(Factors(Phi, list(zip(chosen.tolist(), rates, strict=True))))
+            # The scale of a row is a factor of its pivot in the samples. Phi has no scales.
+            sizes.append(scaled_sizes / self.mechanism.row_scale[chosen])
+        # `coupled` puts definitions of auxiliary unknowns between the blocks and keeps their order.
+        entries, sequence = coupled(self.kinematics, self.rows, blocks, first_auxiliary)
+        return _Part(entries, sequence, sizes)
+
+    def _determinant(self, factors: Blocks) -> Any:
+        """det Phi_u, up to its sign: pivots times scales of the rows times units of the columns.
+
+        The pivots of an orthogonal part contain the scales of its rows.
+        """
+        determinant = SX(float(np.prod(self.mechanism.rate_scale[self._dependent])))
+        for part in factors.parts:
+            if isinstance(part, Factors):
+                determinant *= float(np.prod(self.mechanism.row_scale[part.rows]))
+        for part in factors.parts:
+            for pivot in part.pivots:
+                determinant *= pivot
+        return determinant
 
     def _orthogonal(
         self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]
@@ -211,7 +277,7 @@ class Equations:
         return self.factors.solve_transposed(on_dependent)
 
     def reduced(self, tau: Sparse) -> SX:
-        """L^T tau, without L: by the multipliers."""
+        """L^T tau by the multipliers: for one tau, where nothing else needs L (`project`)."""
         multipliers = self.multipliers(tau)
         result = []
         for j in self._coordinates:
@@ -230,8 +296,8 @@ class Equations:
     @cached_property
     def drift(self) -> Sparse:
         """-Phi_dot v, by row, Eq. (8)."""
-        at_rest: Sparse = {}
-        drift = {i: -self.rows[i].acceleration(self.v, at_rest) for i in self.factors.rows}
+        zero: Sparse = {}
+        drift = {i: -self.rows[i].acceleration(self.v, zero) for i in self.factors.rows}
         return {i: x for i, x in drift.items() if not is_zero(x)}
 
     @cached_property
@@ -259,7 +325,10 @@ class Equations:
         return self.Phi_change(self.v)
 
     def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
-        """Change of rates x with Phi x = 0 as Phi changes, Eq. (20), and Phi times this change."""
+        """Change of rates x with Phi x = 0 as Phi changes, Eq. (20), and the right side.
+
+        The right side is Phi times this change: -(change of Phi) x.
+        """
         right: Sparse = {}
         for i, j, rate in Phi_change:
             if j in x:
@@ -267,7 +336,7 @@ class Equations:
         return self.complete([0.0] * len(self._coordinates), right), right
 
     def project(self, tau: Sparse) -> SX:
-        """L^T tau, with L."""
+        """L^T tau by L: where L is there already (`reduced`)."""
         return self.L_matrix.T @ column(tau, self._rates)
 
     @cached_property
@@ -325,6 +394,7 @@ class Equations:
         n = len(self._coordinates)
         rows = mechanism.rate_scale[mechanism.coordinates, None]
         sizes = np.linalg.svd(self.at_samples(A) * rows / mechanism.motor_scale, compute_uv=False)
+        # The matrix is free of units. Without the 1, rounding would count where no motor drives.
         rank = int((sizes > RANK_TOLERANCE * np.maximum(sizes[:, :1], 1)).sum(axis=1).max())
         if rank < n:
             raise ActuationError(
@@ -393,16 +463,23 @@ class Equations:
 
     @cached_property
     def _following(self) -> dict[int, dict[int, Sparse]]:
-        """Rows of L of the dependent rates, by the link that their loops hang on."""
-        tree = self.kinematics.tree
+        """Rows of L of the dependent rates, by the link that their loops hang on.
+
+        `TreeDynamics.composed` needs them so.
+        """
+        links = self.kinematics.tree.links
         following: dict[int, dict[int, Sparse]] = {}
         for rate in self._dependent:
             columns = zip(self._coordinates, self.L, strict=True)
             row = {k: column[rate] for k, column in columns if rate in column}
-            moved = [i for i, x in enumerate(tree.links) if {rate, *row}.intersection(x.v)]
-            before = [set(tree.ancestors(tree.links[i].parent)) for i in moved]
-            if base := max(set.intersection(*before)):  # parents come first
-                following.setdefault(base, {})[rate] = row
+            # The loop of a rate: the links that it or the coordinates in its row move.
+            loop = [link for link in links if {rate, *row}.intersection(link.v)]
+            # It hangs on the deepest link before all of them. Parents have smaller numbers.
+            before = [set(self.kinematics.tree.ancestors(link.parent)) for link in loop]
+            hangs_on = max(set.intersection(*before))
+            # `composed` stops before the world, link 0: its loops need no entry.
+            if hangs_on != 0:
+                following.setdefault(hangs_on, {})[rate] = row
         return following
 
     @cached_property
@@ -446,6 +523,7 @@ class Equations:
     def _operations(self, factors: SymmetricFactors | ArticulatedBodies, b: SX) -> int:
         """Operations of the factors of L^T M L, of one solution and of the check of the pivots."""
         results = ca.vertcat(factors.solve(b), *factors.inverses, *factors.diagonal)
+        # Kernels merge equal expressions (cse) too.
         return ca.Function("count", [self.q, self.p, b], [results], {"cse": True}).n_instructions()
 
 
