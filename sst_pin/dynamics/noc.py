@@ -30,6 +30,7 @@ class _Block:
     Attributes:
         rows, rates: Indices of the rows, and of the dependent rates in v.
         scale: Factors that make Phi^u free of units, shape (rows, rates).
+        of_Phi: Where the entries of Phi^u are in Phi.ravel(), shape (rows, rates).
         of_inverse: Where the inverse of Phi^u is in that of all blocks.
         twice: Twice the identity, shape (rows, rows).
     """
@@ -38,6 +39,7 @@ class _Block:
         self.rows = rows
         self.rates = mechanism.dependent[dependent]
         self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
+        self.of_Phi = rows[:, None] * mechanism.model.nv + self.rates
         self.of_inverse = np.ix_(self.rates, rows)
         self.twice = 2 * np.eye(len(rows))
 
@@ -104,8 +106,11 @@ class JointComplement:
         rates = v / mechanism.rate_scale
         accelerations = v_dot / mechanism.rate_scale
         size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
+        allowed = self._slack * size
+        if left.dot(left) <= allowed**2:
+            return  # sufficient: no entry is larger than the norm
         worst = int(np.abs(left).argmax())
-        if not np.isfinite(size) or abs(left[worst]) <= self._slack * size:
+        if not np.isfinite(size) or abs(left[worst]) <= allowed:
             return
         rows = [(closure, row) for closure in mechanism.closures for row in closure.rows]
         closure, row = rows[worst]
@@ -128,7 +133,7 @@ class JointComplement:
         smallest = []
         largest = 1.0
         for block in self.blocks:
-            A = Phi.take(block.rows, axis=0).take(block.rates, axis=1) * block.scale
+            A = Phi.take(block.of_Phi) * block.scale
             inverse, sizes = _inverse(A)
             inverse = inverse.dot(block.twice - A.dot(inverse))  # Newton's step: less rounding
             self.inverse[block.of_inverse] = inverse * block.scale.T
@@ -147,6 +152,8 @@ class JointComplement:
         gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
         bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * largest
         self._slack = bound * np.abs(self.L * self._of_L).max(initial=1.0)
+        if left.dot(left) <= self._slack**2:
+            return  # sufficient, as above
         if not np.abs(left).max(initial=0.0) <= self._slack:
             self._refuse(Phi, 0.0, smallest)
 
