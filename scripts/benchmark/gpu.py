@@ -114,11 +114,12 @@ def binary_numbers(binary: bytes, kernel: str) -> Row:
     return result
 
 
-def resources(name: str, batch: warp_batch.WarpBatch, arch: int) -> list[Row]:
+def resources(name: str, chain: sst_pin.ClosedChain, dtype: str, arch: int) -> list[Row]:
     """What the machine code of a robot's kernels needs, without a GPU."""
     rows = []
+    batch = chain.warp("cpu", dtype)
     of_robot = KERNELS
-    if len(robot_of(name).motor_names) < robot_of(name).degrees_of_freedom:
+    if len(chain.motor_names) < chain.degrees_of_freedom:
         of_robot = KERNELS | {"torques": Quantity("generalized_forces")}
     for label, key in of_robot.items():
         module, start = batch.module(key), perf_counter()
@@ -360,7 +361,7 @@ def main() -> int:
         for dtype in options.dtypes:
             try:
                 if options.resources:
-                    rows += resources(robot, robot_of(robot).warp("cpu", dtype), options.arch)
+                    rows += resources(robot, robot_of(robot), dtype, options.arch)
                 else:
                     rows.append(measure(robot, dtype, options))
             except Exception as error:  # the time on a GPU is short: the other robots count

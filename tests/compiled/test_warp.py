@@ -284,7 +284,7 @@ def test_derivatives_of_a_floating_cassie_are_those_of_the_reference_path():
 @pytest.mark.parametrize("name", [*FEW, *slow("delta", "stewart")])
 def test_machine_code_for_a_gpu_is_made_without_one(name):
     """With at most the 255 registers that a thread can have."""
-    batch = EVERY_ROBOT[name]().warp("cpu")
-    for row in load("scripts/benchmark/gpu.py").resources(name, batch, 90):
+    chain = EVERY_ROBOT[name]()
+    for row in load("scripts/benchmark/gpu.py").resources(name, chain, "float64", 90):
         assert 0 < row["registers"] <= 255
         assert row["code"] > 1000

@@ -4,6 +4,7 @@
 import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -94,7 +95,9 @@ def disagreements(path, text):
     mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, model = mujoco.MjData(mj), read.model
     options = {"stiffness": read.stiffness, "spring_reference": read.spring_reference}
-    options |= {"lines": read.lines, "coulomb_friction": np.zeros(model.nv)}  # no constraints
+    # MuJoCo's dry friction is a constraint.
+    options["lines"] = [replace(line, coulomb_friction=0.0) for line in read.lines]
+    options["coulomb_friction"] = np.zeros(model.nv)
     names = list(model.names)[1:]
     chain = sst_pin.ClosedChain(model, [], [], coordinates=names, **options)
     for q, v, dv in np.random.default_rng(0).normal(size=(2, 3, model.nv)):
