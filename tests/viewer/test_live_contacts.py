@@ -8,7 +8,7 @@ import pytest
 import sst_pin
 from sst_pin.viewer import Viewer
 from tests.gallery.on_feet import RADIUS, biped
-from tests.support.browser import DESK, opened
+from tests.support.browser import PHONE, opened
 from tests.viewer.test_live import Engine
 
 #: States of the page's engine after steps of dt, and the forces of contacts in them.
@@ -114,10 +114,10 @@ def test_a_biped_stands_on_the_floor_of_its_page_is_pushed_and_does_not_sink(chr
     chain, q = standing_biped()
     viewer = Viewer(chain, live=True)
     viewer.show(q)
-    with opened(chromium, viewer, tmp_path / "page.html", DESK) as page:
+    with opened(chromium, viewer, tmp_path / "page.html", PHONE) as page:
         page.locator("#control").select_option("hold")
         page.locator("#go").click()
-        page.evaluate(LATER, 1.0)
+        page.evaluate(LATER, 0.5)
         standing = np.array(page.evaluate("live.robot.q"))
         forces = np.array(page.evaluate("live.robot.contactForces"))
         weight = viewer._panel["live"]["weight"]
@@ -125,11 +125,11 @@ def test_a_biped_stands_on_the_floor_of_its_page_is_pushed_and_does_not_sink(chr
         assert np.abs(soles(chain, standing[None])).max() < 1e-5
         # A push to the side by a tenth of its weight.
         push = [0, weight / 10, 0]
-        grip = {"body": 1, "at": [0, 0, 0], "force": push, "until": 1.5}
+        grip = {"body": 1, "at": [0, 0, 0], "force": push, "until": 0.9}
         page.evaluate("grip => { live.robot.grip = grip; }", grip)
-        page.evaluate(LATER, 1.4)
+        page.evaluate(LATER, 0.8)
         pushed = np.array(page.evaluate("live.robot.q"))
-        page.evaluate(LATER, 3.0)
+        page.evaluate(LATER, 1.6)
         after = np.array(page.evaluate("live.robot.q"))
         assert pushed[1] - standing[1] > 1e-3
         assert np.abs(after[:3] - standing[:3]).max() < 0.5 * (pushed[1] - standing[1])
