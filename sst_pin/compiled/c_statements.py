@@ -226,8 +226,9 @@ class Writer:
         if x not in self._inverses:
             inverse = Expression(f"ti{len(self._inverses)}", x.depends_on)
             self._inverses[x] = inverse
+            text = self._make_available(x, x.depends_on)
             self.lines[x.depends_on].append(
-                f"const {_type(x.depends_on)} {inverse.text} = 1 / {x.text};"
+                f"const {_type(x.depends_on)} {inverse.text} = 1 / {text};"
             )
         return self._inverses[x]
 
