@@ -25,7 +25,7 @@ from ..loops.row_derivatives import (
     brackets,
     partials,
 )
-from ..loops.vectors import cross, skew
+from ..loops.rows import cross, skew
 from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
 from .dynamics import Context, applied_forces, direct_dynamics
@@ -296,14 +296,13 @@ class Derivatives:
         return replace(self._mechanism.friction, sign_width=sign_width)
 
 
-def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
-    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
-    forces = reactions[closure.rows.at]
-    on_B = forces.dot(closure.W)
-    on_B_q = np.tensordot(forces, closure.W_q, axes=1)
-    w = np.array([on_B, -on_B])
-    w_q = np.array([on_B_q, -on_B_q])
-    return _Load(closure.rows.bodies, closure.frames, w, w_q)
+def _on_frames(closures: ClosurePartials, reactions: Array) -> _Load:
+    """Forces along the rows of closures or lines, as wrenches on the frames that they connect."""
+    forces = reactions[closures.rows.at]
+    w = np.einsum("kr,kri->ki", forces, closures.rows.W).reshape(-1, 6)
+    w_q = np.einsum("kr,kriq->kiq", forces, closures.W_q)
+    joints = closures.rows.bodies.ravel().tolist()
+    return _Load(joints, closures.frames, w, w_q.reshape(len(w), 6, -1))
 
 
 def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:

@@ -275,7 +275,7 @@ def _wrenches(context: Context, Lambda: Array) -> Array:
             wrench[acts_along(context.mechanism, closure)] = Lambda[rows][0]
         else:
             # The first six columns of W belong to the twist of frame B: what A gives to B.
-            of_frame_b = loops.W[rows]
+            of_frame_b = loops.W[rows, :6]
             frame_b = data.oMf[frame_id(tree.model, frames_of(closure)[1])]
             wrench = frame_b.toActionMatrix().T @ of_frame_b.T @ Lambda[rows]
         wrenches.append(wrench)

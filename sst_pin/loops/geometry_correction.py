@@ -451,18 +451,18 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
         # the place, angular about the axes of the place.
         twists = (oMcarrier * placement).action
         twists[:3, :3] = oMcarrier.rotation
-        for rows in loops.of_frames:
+        for closures in loops.of_frames:
             if frame is not None:
-                moves_b, moves_a = [end == frame for end in rows.frames]
+                moves = closures.frames == frame
             else:
-                bodies_after = model.subtrees[model.getJointId(place)]
-                joints = [model.frames[end].parentJoint for end in rows.frames]
-                moves_b, moves_a = [joint in bodies_after for joint in joints]
+                bodies_after = list(model.subtrees[model.getJointId(place)])
+                joints = np.array([x.parentJoint for x in model.frames])[closures.frames]
+                moves = np.isin(joints, bodies_after)
             # A place that moves both frames in the same way does not change the closure.
-            if moves_b and not moves_a:
-                by[rows.at, k] = loops.W[rows.at] @ twists
-            if moves_a and not moves_b:
-                by[rows.at, k] = -loops.W[rows.at] @ twists
+            moves_b = moves[:, 0] & ~moves[:, 1]
+            moves_a = moves[:, 1] & ~moves[:, 0]
+            by[closures.at[moves_b], k] = closures.W[moves_b, :, :6] @ twists
+            by[closures.at[moves_a], k] = closures.W[moves_a, :, 6:] @ twists
     return by.reshape(len(by), -1)
 
 

@@ -25,8 +25,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..model.normal_tree import NormalTree
 from .loops import Loops
-from .rows import FrameRows
-from .vectors import action, bracket_matrix, cross, hat, inverse
+from .rows import FrameRows, Frames, cross, hat, skew
 
 #: In complex numbers M + i _STEP M_q the imaginary part of W is _STEP W_q, exact to rounding.
 _STEP = 1e-50
@@ -75,8 +74,8 @@ class FrameMotions:
         J: Twist per rate, shape (k, 6, nv).
         twist, acceleration: Spatial, shape (k, 6).
         twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
-        M: Homogeneous matrices of the frames, shape (k, 4, 4).
-        M_q, M_tq: Derivatives of M and of its rate, shape (nv, k, 4, 4).
+        M, M_t: Homogeneous matrices of the frames and their rates, shape (k, 4, 4).
+        M_q, M_tq: Derivatives of both, shape (nv, k, 4, 4).
     """
 
     def __init__(
@@ -89,25 +88,23 @@ class FrameMotions:
         carried_twice = (motion.carried_twice * moves).dot(tree.S)
         self.J, self.twist = J, J.dot(motion.v)
         self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
-        t_x, a_x = bracket_matrix(self.twist), bracket_matrix(self.acceleration)
+        t_x, a_x = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
         self.twist_q = -t_x @ J - carried
         self.acceleration_q = -a_x @ J + t_x @ carried - carried_twice
         self.acceleration_v = self.twist_q + J_dot
-        self.M = places
+        self.M, self.M_t = places, hat(self.twist) @ places
         self.M_q = hat(np.moveaxis(J, -1, 0)) @ places
         self.M_tq = hat(np.moveaxis(self.twist_q, -1, 0)) @ places + hat(self.twist) @ self.M_q
 
 
 class ClosurePartials(NamedTuple):
-    """A closure of two frames and the motions of its frames, for loads on them."""
+    """The k closures of one kind and the motions of their frames, for loads on them."""
 
-    #: Its rows.
+    #: Their rows.
     rows: FrameRows
-    #: Wrenches on B, shape (rows, 6).
-    W: Array
-    #: Motions of its frames B and A.
+    #: Motions of frames B and A of each closure, in turn.
     frames: FrameMotions
-    #: Derivative of W, shape (rows, 6, nv).
+    #: Derivative of W, shape (k, rows, 12, nv).
     W_q: Array
 
 
@@ -131,75 +128,60 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
     velocity_q, acceleration_q, acceleration_v = np.zeros((3, *loops.touched.shape))
     closures: list[ClosurePartials] = []
     for rows in loops.of_frames:
-        at = rows.at
-        frames = tree.frames_of(rows.frames)
-        # The motion of B relative to A. The velocity is W t, the acceleration W t_dot + W_dot t.
-        t = _relative(frames.twist)
-        t_dot = _relative(frames.acceleration)
-        J = _relative(frames.J)
-        t_q = _relative(frames.twist_q)
-        t_dot_q = _relative(frames.acceleration_q)
-        t_dot_v = _relative(frames.acceleration_v)
-        W, W_dot = _wrenches(rows, frames.M, frames.twist)
-        W_q, W_dot_q = _wrench_derivatives(rows, frames)
-        by_W_q = _along(W_q, t)
-        velocity_q[at] = W @ t_q + by_W_q
-        acceleration_q[at] = W @ t_dot_q + _along(W_q, t_dot) + W_dot @ t_q + _along(W_dot_q, t)
-        acceleration_v[at] = W @ t_dot_v + W_dot @ J + by_W_q  # W_dot has the derivative W_q by v
-        closures.append(ClosurePartials(rows, W, frames, W_q))
+        at, count = rows.at, len(rows.at)
+        frames = tree.frames_of(rows.frames.ravel().tolist())
+        twist = frames.twist.reshape(count, 12)
+        acceleration = frames.acceleration.reshape(count, 12)
+        J = frames.J.reshape(count, 12, -1)
+        twist_q = frames.twist_q.reshape(J.shape)
+        of_q = frames.acceleration_q.reshape(J.shape)
+        of_v = frames.acceleration_v.reshape(J.shape)
+        W, W_t = rows.W, rows.formulas.W_dot(*_ends(frames.M), *_ends(frames.M_t))
+        W_q, W_tq = _wrench_derivatives(rows, frames)
+        turning = _along(W_q, twist)
+        velocity_q[at] = W @ twist_q + turning
+        acceleration_q[at] = W @ of_q + _along(W_q, acceleration)
+        acceleration_q[at] += W_t @ twist_q + _along(W_tq, twist)
+        acceleration_v[at] = W @ of_v + W_t @ J + turning
+        closures.append(ClosurePartials(rows, frames, W_q))
     coupled: list[tuple[int, int, float]] = []
     for coupling in loops.couplings:
         # The sum of P(q) has the rates P' v and P' v_dot + P'' v^2.
-        for joint in coupling.joints:
-            row = coupling.at.start
-            k = joint.rate
-            v = tree.v[k]
-            v_dot = tree.v_dot[k]
-            second = float(joint.P_2(q[joint.entry]))
-            third = joint.P_2.deriv()(q[joint.entry])
+        for i, k, _, _, P_2 in coupling.terms:
+            row, v, v_dot, second = coupling.at[0], tree.v[k], tree.v_dot[k], float(P_2(q[i]))
             velocity_q[row, k] = second * v
-            acceleration_q[row, k] = second * v_dot + third * v**2
+            acceleration_q[row, k] = second * v_dot + P_2.deriv()(q[i]) * v**2
             acceleration_v[row, k] = 2 * second * v
             coupled.append((row, k, second))
     return Partials(velocity_q, acceleration_q, acceleration_v, closures, coupled)
 
 
-def _relative(motions: Array) -> Array:
-    """Motions of frame B relative to A, from both, shape (2, 6, ...)."""
-    return np.asarray(motions[0] - motions[1])
-
-
-def _wrenches(rows: FrameRows, M: Array, twists: Array) -> tuple[Array, Array]:
-    """W and its rate, shapes (..., rows, 6), as in `Loops`.
-
-    M and twists are those of B and A, shapes (..., 2, 4, 4) and (..., 2, 6).
-    """
-    M_B = M[..., 0, :, :]
-    M_A = M[..., 1, :, :]
-    t_B = twists[..., 0, :]
-    t_A = twists[..., 1, :]
-    X = inverse(M_A) @ M_B
-    X_dot = inverse(M_A) @ hat(t_B - t_A) @ M_B
-    Ad = action(inverse(M_A))
-    W = rows.formulas.W(X) @ Ad
-    W_dot = rows.formulas.W_dot(X, X_dot) @ Ad - W @ bracket_matrix(t_A)
-    return W, W_dot
-
-
 def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
-    """Derivatives of W and of its rate by q, shapes (rows, 6, nv)."""
-    M = frames.M + 1j * _STEP * frames.M_q
-    twists = frames.twist + 1j * _STEP * np.moveaxis(frames.twist_q, -1, 0)
-    W, W_dot = _wrenches(rows, M, twists)
-    return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_dot.imag, 0, -1) / _STEP
+    """Derivatives of W and of its rate by q, shapes (k, rows, 12, nv)."""
+    M, M_t = frames.M + 1j * _STEP * frames.M_q, frames.M_t + 1j * _STEP * frames.M_tq
+    W, W_t = rows.formulas.W(*_ends(M)), rows.formulas.W_dot(*_ends(M), *_ends(M_t))
+    return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
 
 
-def _along(W_q: Array, t: Array) -> Array:
-    """Derivatives of W t, t held, shape (rows, nv), for a twist t, shape (6,)."""
-    return np.einsum("riq,i->rq", W_q, t)
+def _along(W_q: Array, twists: Array) -> Array:
+    """Derivatives of W t, t held, shape (k, rows, nv), for twists of shape (k, 12)."""
+    return np.einsum("kriq,ki->krq", W_q, twists)
+
+
+def _ends(M: Array) -> tuple[Frames, Frames]:
+    """Frames B and A from matrices or their rates, shape (..., 2 k, 4, 4), B and A in turn."""
+    return Frames.of(M[..., ::2, :, :]), Frames.of(M[..., 1::2, :, :])
 
 
 def brackets(a: Array, b: Array) -> Array:
     """Lie brackets of twists [linear; angular] in columns, shape (6, k)."""
     (v, w), (v_b, w_b) = (np.split(x.T, 2, axis=1) for x in (a, b))
     return np.concatenate((cross(w, v_b) + cross(v, w_b), cross(w, w_b)), axis=1).T
+
+
+def _bracket_matrix(twist: Array) -> Array:
+    """The matrices with which t x s = matrix s, for twists t, shape (k, 6, 6)."""
+    matrix = np.zeros((len(twist), 6, 6))
+    matrix[:, :3, :3] = matrix[:, 3:, 3:] = skew(twist[:, 3:])
+    matrix[:, :3, 3:] = skew(twist[:, :3])
+    return matrix
