@@ -45,16 +45,15 @@ class NonsmoothCode:
         lanes: int,
     ) -> None:
         self._lanes = lanes
-        numbers = parameters.pack(mechanism, mechanism.friction)
-        self._single = _Prepared(single, single.prepared(numbers))
-        self._batch = _Prepared(batch, batch.prepared(numbers))
+        p = parameters.pack(mechanism, mechanism.friction)
+        self._single = _Prepared(single, single.prepared(p))
+        self._batch = _Prepared(batch, batch.prepared(p))
         self._parameters = parameters
+        self._p = p  # in the order of `parameters`
 
     def run(self, rows: NonsmoothRows, motions: NonsmoothArrays, threads: int) -> Indices:
         """Fill motions as far as their steps are sound; the numbers of steps, shape (N,)."""
-        mechanism = rows.mechanism
-        p = self._parameters.pack(mechanism, mechanism.friction)
-        numbers = parameter_values(rows, self._parameters, p[None])
+        numbers = parameter_values(rows, self._parameters, self._p[None])
         count = len(motions.q)
         reached = np.zeros(count, dtype=np.intp)
         vectors = -(-count // self._lanes)  # rounded up, as below
