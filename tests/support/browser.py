@@ -22,6 +22,12 @@ needs_browser = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 #: Windows, width and height in [px].
 PHONE, TABLET, DESK, LYING = (390, 844), (820, 1180), (1440, 900), (844, 390)
 
+#: Once so much time is simulated on a live page, or the simulation has ended.
+LATER = """t => new Promise((done) => {
+  const look = () => live.robot.time >= t || !live.running
+    ? done(live.robot.time) : requestAnimationFrame(look);
+  look();
+})"""
 #: Least and largest coordinate of all vertices that are seen, in the picture's own -1 to 1.
 EXTENT = """([view, share]) => {
   if (view) stage.look(view);

@@ -8,7 +8,7 @@ import pytest
 import sst_pin
 from sst_pin.viewer import Viewer
 from tests.gallery.on_feet import RADIUS, biped
-from tests.support.browser import PHONE, opened
+from tests.support.browser import LATER, PHONE, opened
 from tests.viewer.test_live import Engine
 
 #: States of the page's engine after steps of dt, and the forces of contacts in them.
@@ -22,12 +22,6 @@ STEPS = """([q, va, dt, count, way]) => {
   }
   return states;
 }"""
-#: Once so much time is simulated, or the simulation has ended.
-LATER = """t => new Promise((done) => {
-  const look = () => live.robot.time >= t || !live.running
-    ? done(live.robot.time) : requestAnimationFrame(look);
-  look();
-})"""
 
 
 def ball_and_rope():

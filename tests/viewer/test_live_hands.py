@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sst_pin.viewer import Viewer
-from tests.support.browser import DESK, PHONE, TABLET, opened, with_slow
+from tests.support.browser import DESK, LATER, PHONE, TABLET, opened, with_slow
 from tests.support.named_robots import robot_named
 
 pytestmark = pytest.mark.slow
@@ -26,12 +26,6 @@ COUNT = """() => {
   window.pushes = 0;
   live.robot.push = (ray) => { pushes += 1; push(ray); };
 }"""
-#: Once so much time is simulated, or the simulation has ended.
-LATER = """t => new Promise((done) => {
-  const look = () => live.robot.time >= t || !live.running
-    ? done(live.robot.time) : requestAnimationFrame(look);
-  look();
-})"""
 
 
 def fingers(page, x, y, way, steps=5):
