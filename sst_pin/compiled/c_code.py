@@ -216,7 +216,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     in a source of its own, on plain numbers.
     """
     head = part("real.h")
-    parts = [head, part("driver.h")]  # of the first source
+    parts = [head, part("ways.h"), part("driver.h")]  # of the first source
     other_sources = list[str]()
     size = None  # of p, to which each kernel adds its constants
     room = 0

@@ -95,7 +95,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
     source = step_source(equations, rows, Checks(equations))
     parts = [f"#define LANES {lanes}"]
-    parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth_solver.h")]
+    parts += [part(name) for name in ("real.h", "ways.h", "driver.h", "nonsmooth_solver.h")]
     size = None  # of p: the kernels share one array of parameters, to which each adds its constants
     room = 0  # the largest number of intermediate results of a kernel
     for kernel in source.kernels:

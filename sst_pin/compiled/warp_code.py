@@ -51,7 +51,7 @@ _STEP = {
 }
 #: Files that stand before the kernels, and those that stand after them.
 _HELPERS = ("real.h", "warp.h")
-_SOLVER = ("nonsmooth_solver.h", "nonsmooth_move.h")
+_SOLVER = ("ways.h", "nonsmooth_solver.h", "nonsmooth_move.h")
 _HEAD = '''\
 """Kernels of sst_pin for Warp."""
 import sys

@@ -222,17 +222,6 @@ typedef struct {
     double bend, tolerance, travel, nearby, change;
 } stepper;
 
-/* The longest way of a joint between two configurations, free of units; NaN stays. */
-INLINE real longest_way(const stepper *f, const real *from, const real *to)
-{
-    real longest = {0};
-    for (int j = 0; j < f->q; j++) {
-        const real way = ABSOLUTE(to[j] - from[j]) * f->units[j];
-        longest = choose(way <= longest, longest, way);
-    }
-    return longest;
-}
-
 /* The determinant at x, without units; NaN where checks fail also after a short step of Newton's
  * method, which closes loops that are open. */
 INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
@@ -243,7 +232,7 @@ INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
     const mask open = closed == (mask){0};
     real det = y[f->q];
     if (some(open)) {
-        const mask near = longest_way(f, x, y) < f->nearby;
+        const mask near = longest_way(f->q, f->units, x, y) < f->nearby;
         for (int j = 0; j < f->q; j++)
             x[j] = choose(open, y[j], x[j]);
         f->close(x, p, y);
@@ -327,8 +316,8 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 }
                 open &= squares > LAST_STEP * LAST_STEP;
             }
-            const real way = longest_way(f, start, x);
-            holds &= longest_way(f, sum, x) <= f->bend * way + f->tolerance;
+            const real way = longest_way(f->q, f->units, start, x);
+            holds &= longest_way(f->q, f->units, sum, x) <= f->bend * way + f->tolerance;
             for (int j = 0; j < f->q; j++) {
                 sum[j] = x[j];
                 x[j] = 0.5 * (start[j] + sum[j]);

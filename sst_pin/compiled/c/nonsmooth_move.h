@@ -11,16 +11,6 @@ typedef struct {
     number bend, tolerance, travel, change, least;
 } bounds_of_step;
 
-HELPER real way_of(const bounds_of_step *f, const real *from, const real *to)
-{
-    real longest = {0};
-    for (int j = 0; j < f->q; j++) {
-        const real way = ABSOLUTE(to[j] - from[j]) * f->units[j];
-        longest = choose(way <= longest, longest, way); /* NaN stays */
-    }
-    return longest;
-}
-
 /* The inputs x = q, va of the kernels get the closed configuration after h seconds with these rates;
  * `det` is det Phi_u there, and was that at the start. Returns where the step is sound. `y` is room
  * for results of the kernels, `start` for two configurations. */
@@ -39,12 +29,12 @@ HELPER mask move_and_close(const bounds_of_step *f, parameters p, number h, real
     for (int step = 0; step < 4 && some(open); step++) {
         closing(x, p, y);
         *det = choose(open, y[nq], *det);
-        const mask far = way_of(f, x, y) > LAST_STEP;
+        const mask far = longest_way(f->q, f->units, x, y) > LAST_STEP;
         for (int j = 0; j < nq; j++)
             x[j] = choose(open, y[j], x[j]);
         open &= far;
     }
-    const real way = way_of(f, start, x), ratio = *det / before;
+    const real way = longest_way(f->q, f->units, start, x), ratio = *det / before;
     return (way <= f->travel) & (ratio < f->change) & (ratio > 1 / f->change)
-        & (ABSOLUTE(*det) > f->least) & (way_of(f, ahead, x) <= f->bend * way + f->tolerance);
+        & (ABSOLUTE(*det) > f->least) & (longest_way(f->q, f->units, ahead, x) <= f->bend * way + f->tolerance);
 }
