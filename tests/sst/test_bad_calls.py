@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameters, orientations and motions of the SST refuse what they cannot be."""
+"""Calls with wrong values: parameters, orientations and motions of the SST refuse them."""
+
+from __future__ import annotations  # `faults` reads annotations as texts
 
 import inspect
 from functools import partial
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import sst_pin
 from sst_pin.errors import InputError, SSTError
@@ -13,29 +16,33 @@ from sst_pin.simulation.motion_files import read_motion
 from sst_pin.sst.star_tables import star_motion
 from tests.support.bad_calls import faults
 
+#: The paper's motion: eight times and the orientations at these times.
 T = np.linspace(0, 0.1, 8)
 R = sst_pin.paper_circle(T).R
-PARAMETERS = sst_pin.Parameters()
-NAMES = inspect.signature(sst_pin.Parameters).parameters
 
 
-def star(mass: "float", center_of_mass: "ArrayLike", inertia: "ArrayLike"):  # noqa: F821
-    """Parameters with this star; the annotations tell `faults` which values are wrong."""
+# --- each argument of each function -------------------------------------------------------------
+#
+# `faults` calls a function with good arguments, but one of them replaced by a wrong value. It tries
+# the values that no argument with this annotation may have, and returns the calls that raise no
+# SSTError.
+
+
+def parameters_with_star(mass: float, center_of_mass: ArrayLike, inertia: ArrayLike):
+    """Parameters with this star. They check the star; `RigidBody` itself does not."""
     return sst_pin.Parameters(star=sst_pin.sst.RigidBody(mass, center_of_mass, inertia))
 
 
-BODY = {"mass": 2.6, "center_of_mass": np.full(3, 0.1), "inertia": np.eye(3)}
+PARAMETERS = sst_pin.Parameters()
+NAMES_OF_PARAMETERS = inspect.signature(sst_pin.Parameters).parameters
 #: Functions, each with good arguments.
 CALLS = [
+    (sst_pin.Parameters, {name: getattr(PARAMETERS, name) for name in NAMES_OF_PARAMETERS}),
+    (PARAMETERS.with_payload, {"mass": 2.6, "at": np.ones(3)}),
     (
-        sst_pin.Parameters,
-        {
-            name: getattr(PARAMETERS, name)
-            for name in inspect.signature(sst_pin.Parameters).parameters
-        },
+        parameters_with_star,
+        {"mass": 2.6, "center_of_mass": np.full(3, 0.1), "inertia": np.eye(3)},
     ),
-    (PARAMETERS.with_payload, {"mass": 2.6, "at": np.ones(3), "inertia": np.eye(3)}),
-    (star, BODY),
     (sst_pin.paper_circle, {"t": 0.1}),
     (sst_pin.sst.interpolate_orientations, {"t": T, "R": R, "at": 0.05}),
     (sst_pin.sst.orientation_path, {"R": R, "count": 5}),
@@ -47,16 +54,20 @@ CALLS = [
 ]
 
 
-@pytest.mark.parametrize(("function", "good"), CALLS, ids=lambda x: getattr(x, "__name__", ""))
+@pytest.mark.parametrize(
+    ("function", "good"), CALLS, ids=[function.__name__ for function, _ in CALLS]
+)
 def test_functions_refuse_each_argument_that_is_wrong(function, good):
     assert faults(function, good) == []
 
+
+# --- orientations -------------------------------------------------------------------------------
 
 #: Every other orientation is turned by half a turn about its x axis.
 HALF_TURNS = R.copy()
 HALF_TURNS[1::2] = R[1::2] @ np.diag([1.0, -1.0, -1.0])
 
-#: Times, orientations at these times, and times at which the orientation is wanted.
+#: Wrong arguments t, R, at: times, orientations at these times, and times of the output.
 NO_INTERPOLATION = {
     "two samples": (T[:2], R[:2], 0.0),
     "a time without an orientation": (T, R[:-1], T),
@@ -80,6 +91,7 @@ def test_orientations_are_interpolated_between_rotations_at_increasing_times(cas
         sst_pin.sst.interpolate_orientations(*NO_INTERPOLATION[case])
 
 
+#: Matrices that are no rotations.
 NO_ROTATIONS = {
     "a reflection": np.eye(3)[::-1],
     "twice a rotation": 2 * np.eye(3),
@@ -100,13 +112,16 @@ def test_a_branch_is_three_signs(robot, branch):
         robot.inverse_kinematics(R[0], branch)
 
 
+# --- tables -------------------------------------------------------------------------------------
+
+#: Quaternions w, x, y, z of a star at rest; in the second table it is turned once by half a turn.
 TIMES = 0.01 * np.arange(6.0)
 AT_REST = np.tile((1.0, 0.0, 0.0, 0.0), (6, 1))
 HALF_A_TURN = AT_REST.copy()
 HALF_A_TURN[3] = (0.0, 1.0, 0.0, 0.0)
 QUATERNION = "t_s,qw,qx,qy,qz"
 
-#: Headers of tables, and their columns after the times.
+#: Tables that are no motion of the star: the header, and the columns after the times.
 NO_MOTIONS = {
     "quaternions of length zero": (QUATERNION, 0 * AT_REST),
     "quaternions too short to normalise": (QUATERNION, AT_REST * (1e-318, 1, 1, 1)),
@@ -123,7 +138,7 @@ NO_MOTIONS = {
 @pytest.mark.parametrize("case", NO_MOTIONS)
 def test_tables_without_a_motion_of_the_star_are_refused(robot, here, case):
     header, columns = NO_MOTIONS[case]
-    rows = np.column_stack([TIMES, columns])
-    np.savetxt("a.csv", rows, "%r", ",", header=header, comments="")
+    table = np.column_stack([TIMES, columns])
+    np.savetxt("a.csv", table, fmt="%r", delimiter=",", header=header, comments="")
     with pytest.raises(SSTError):
         read_motion(robot.engine, "a.csv", partial(star_motion, robot))
