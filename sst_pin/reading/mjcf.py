@@ -19,7 +19,7 @@ from .mjcf_limits import put_efforts
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_numbers import impossible_numbers
 from .mjcf_tree import MjcfTree
-from .mjcf_unread import unread
+from .mjcf_unread import joint_notes, unread_forces
 from .problems import note, warning
 from .robot_file import RobotFile, naming, warn_of
 from .shapes import mjcf_shapes
@@ -71,7 +71,8 @@ def robot_file_of(
     names_of_ropes = {rope.name for rope in ropes}
     lines = tuple(lines_of(compiled, motors, efforts_of_lines, names_of_ropes))
     points = tuple(contacts_of(compiled, tree)) if contacts else ()
-    problems += unread(compiled, tree)
+    problems += unread_forces(compiled, tree)
+    compiled.notes += joint_notes(compiled)
     moving = tree.model.njoints - 1
     if moving > MOST_JOINTS:
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")

@@ -148,7 +148,7 @@ class Compiled:
         """Whether a fixed tendon has forces, or inertia that couples joints."""
         if self.is_spatial(tendon):
             return False
-        shares = self.shares(tendon)
+        shares = self.coefficients(tendon)
         if not shares:  # locked joints alone
             return False
         mj = self.mj
@@ -159,7 +159,7 @@ class Compiled:
         ]
         return any(forces) or bool(self.tendon_armature[tendon] and len(shares) > 1)
 
-    def fixed_length(self, tendon: int, qpos: Array) -> float:
+    def tendon_length(self, tendon: int, qpos: Array) -> float:
         """Length of a fixed tendon: the sum of coefficients times positions, locked ones too."""
         wraps = self.wraps(tendon)
         joints = self.mj.wrap_objid[wraps]
@@ -181,7 +181,7 @@ class Compiled:
             words.append("a spring")
         return words
 
-    def shares(self, tendon: int) -> dict[int, float]:
+    def coefficients(self, tendon: int) -> dict[int, float]:
         """Coefficients of a fixed tendon by joint, without locked joints."""
         shares = dict[int, float]()
         for k in self.wraps(tendon):

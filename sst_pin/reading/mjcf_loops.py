@@ -38,10 +38,10 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
     """
     mj = compiled.mj
     for tendon in tree.tendons:
-        shares = compiled.shares(tendon)
+        shares = compiled.coefficients(tendon)
         polynomials = {compiled.joint(joint): (0.0, share) for joint, share in shares.items()}
         moving = sum(share * mj.qpos0[mj.jnt_qposadr[joint]] for joint, share in shares.items())
-        offset = compiled.fixed_length(tendon, mj.qpos0) - moving  # of joints that are locked
+        offset = compiled.tendon_length(tendon, mj.qpos0) - moving  # of joints that are locked
         yield Coupling(compiled.name("tendon", tendon), polynomials, float(offset))
     kinds = compiled.mujoco.mjtEq
     for i in map(int, np.flatnonzero(mj.eq_active0)):
@@ -120,7 +120,7 @@ def _tendon_length(compiled: Compiled, tendon: int) -> _Length:
         text = "a spatial tendon in an equality; only fixed tendons are supported there"
         compiled.problems.append(f"{compiled.name('tendon', tendon)}: {text}")
         return _length(compiled, {})
-    return _length(compiled, compiled.shares(tendon))
+    return _length(compiled, compiled.coefficients(tendon))
 
 
 def _joint_length(compiled: Compiled, joint: int) -> _Length:
@@ -239,7 +239,7 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
 
 def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
     """A fixed tendon as a motor: its name with the factors of its joints."""
-    shares = compiled.shares(tendon)
+    shares = compiled.coefficients(tendon)
     factors = {compiled.joint(joint): share for joint, share in shares.items()}
     return {compiled.name("tendon", tendon): factors}
 
@@ -281,7 +281,7 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
         elif compiled.is_spatial(actuator.target):
             if not _is_within_one_body(compiled, tree, actuator.target):
                 yield compiled.name("tendon", actuator.target)
-        elif compiled.shares(actuator.target):  # else all its joints are locked
+        elif compiled.coefficients(actuator.target):  # else all its joints are locked
             yield _fixed_tendon(compiled, actuator.target)
 
 

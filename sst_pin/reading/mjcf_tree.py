@@ -106,7 +106,7 @@ class MjcfTree:
         if self.model.existJointName(name):
             compiled.problems.append(f"tendon {name}: a joint has this name too; rename one")
             return
-        kinds = {int(compiled.mj.jnt_type[joint]) for joint in compiled.shares(tendon)}
+        kinds = {int(compiled.mj.jnt_type[joint]) for joint in compiled.coefficients(tendon)}
         joint = pin.JointModelRX() if kinds == {int(HINGE)} else pin.JointModelPX()
         self.model.addJointFrame(self.model.addJoint(0, joint, pin.SE3.Identity(), name))
         self.tendons.append(tendon)
@@ -233,8 +233,9 @@ class MjcfTree:
         for tendon in map(int, np.flatnonzero(self._compiled.tendon_armature)):
             if self._compiled.is_spatial(tendon) or tendon in self.tendons:
                 continue
-            for joint, coefficient in self._compiled.shares(tendon).items():  # one, or all locked
-                rate = self.dofs == mj.jnt_dofadr[joint]
+            coefficients = self._compiled.coefficients(tendon)  # of one joint; of none if locked
+            for joint, coefficient in coefficients.items():
+                rate = self.dofs.index(mj.jnt_dofadr[joint])
                 armature[rate] += self._compiled.tendon_armature[tendon] * coefficient**2
         return armature
 
@@ -279,7 +280,7 @@ class MjcfTree:
                 pose = pin.XYZQUATToSE3(q)
                 q = pin.SE3ToXYZQUAT(coordinates.reference.actInv(pose))
             parts += coordinates.series.positions(q)
-        lengths = [self._compiled.fixed_length(tendon, qpos) for tendon in self.tendons]
+        lengths = [self._compiled.tendon_length(tendon, qpos) for tendon in self.tendons]
         parts.append(np.array(lengths))
         return np.concatenate(parts)
 
