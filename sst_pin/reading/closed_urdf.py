@@ -16,7 +16,6 @@ from ..errors import DescriptionError
 from ..model.checks import Motor, tendon_of, without_locked
 from ..model.closures import Constraint, Coupling, frames_of
 from ..summaries import listed
-from .acting_elements import motors_of
 from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
 from .inertia_checks import inertia_notes
@@ -26,6 +25,7 @@ from .robot_file import RobotFile, naming, warn_of
 from .shapes import urdf_shapes
 from .srdf import Srdf
 from .text import read_text
+from .tool_elements import motors_of
 from .urdf import Urdf, closing_frames, is_closing
 
 

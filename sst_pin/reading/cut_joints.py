@@ -18,7 +18,6 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import DescriptionError
 from ..model.closures import Closure, Coupling
-from .acting_elements import is_detachable
 from .problems import (
     Problem,
     attribute,
@@ -33,6 +32,7 @@ from .problems import (
     unknown_parts,
     warning,
 )
+from .tool_elements import is_weld
 
 #: The two sides of a joint that closes a loop, by element; `<gazebo>` has another form.
 _SIDES = {
@@ -195,7 +195,7 @@ class Marks:
         # Welds by plugins of Gazebo.
         robot = root.get("name", "")
         for index, plugin in enumerate(root.findall("gazebo/plugin"), 1):
-            if is_detachable(plugin):
+            if is_weld(plugin):
                 self._read(partial(self._weld, robot, index), plugin, ())
 
     def _read(

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from .acting_elements import SPRINGS
+from .tool_elements import SPRINGS
 
 #: Name of the base, as in an SDF.
 WORLD = "world"

@@ -17,7 +17,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import DescriptionError
 from ..summaries import listed
-from .acting_elements import acting_plugins
+from .acting_elements import plugin_problem
 from .joint_graph import WORLD, Axis, GraphJoint, JointGraph, axis_names, origin_of
 from .problems import Problem, is_true, numbers, warning
 from .sdf_frames import MODEL, SdfFrames
@@ -188,7 +188,8 @@ class Sdf:
     def _note_unread(self, parents: Sequence[ET.Element]) -> None:
         """Warn of forces that are not read; `parents` can have plugins."""
         for parent in parents:
-            self.notes += acting_plugins(parent, parent.tag)
+            for plugin in parent.findall("plugin"):
+                self.notes += plugin_problem(plugin, parent.tag)
         windy = is_true(self._model.findtext("enable_wind"))
         for link in self._links.values():
             where = f"link {link.get('name')}"

@@ -16,11 +16,12 @@ from ..errors import DescriptionError, InputError
 from ..model.closures import Closure, Coupling
 from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
-from .acting_elements import is_weightless, joint_numbers, mimics_of, unread
+from .acting_elements import unread_elements
 from .cut_joints import Marks
 from .problems import Problem, number, numbers, placement, warning
 from .sdf import Sdf
 from .text import bare, parse_almost_xml, read_text
+from .tool_elements import is_weightless, joint_numbers, mimics_of
 from .urdf_checks import check
 from .urdf_defaults import WIDE, add_defaults
 
@@ -77,7 +78,7 @@ class Urdf:
             raise InputError("model", "only an SDF has several models")
         if is_weightless(self.root):
             self.gravity = np.zeros(3)
-        notices += [*add_defaults(self.root), *unread(self.root)]
+        notices += [*add_defaults(self.root), *unread_elements(self.root)]
         self.numbers = joint_numbers(self.root)
         self.marks = Marks(self.root)
         self.notices = tuple(notice for notice in notices if notice.severity != "error")
