@@ -30,7 +30,7 @@ from .loops.start import assemble, start_of
 from .model.checks import Motor, coordinates_of, copied, recipe_of, without_locked
 from .model.closures import Constraint
 from .model.contacts import Contact, Rope
-from .model.geometry import take_placements
+from .model.geometry import lengthened, take_placements
 from .model.lines import LineForce
 from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
@@ -699,6 +699,7 @@ class ClosedChain(RobotProperties, Summary):
         """Names of lengths, placements, masses and mass centres that a designer can change.
 
         - `<joint>.length`: the length of the link behind this joint, if it ends at one point.
+        - `<frame> - <frame>.length`: the length of the rod of a `Distance` closure.
         - `<place>.x`, `.y`, `.z`, `.rx`, `.ry`, `.rz`: displacements of a joint with all behind
           it, or of a frame of a closure or line: along the axes of its link, [m], and about its
           own axes, [rad].
@@ -708,8 +709,10 @@ class ClosedChain(RobotProperties, Summary):
 
     def with_design(self, changes: Mapping[str, float]) -> ClosedChain:
         """This robot with changes added to `design_parameters`, by names or patterns of these."""
-        model, theta = design.changed(self.mechanism, changes)
-        chain = self._rebuilt(model, coordinates=self.coordinates)
+        model, extensions, theta = design.changed(self.mechanism, changes)
+        # Brakes are no closures of the constructor: they are made from names.
+        closures = lengthened(self._mechanism_of.keywords["closures"], extensions)
+        chain = self._rebuilt(model, coordinates=self.coordinates, closures=closures)
         return chain.with_parameters(theta) if theta else chain
 
     def design_derivatives(

@@ -21,7 +21,15 @@ from ..arrays import Array, for_each_sample, in_order, single_array
 from ..arrays import names as words
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
-from ..model.geometry import RestingJoint, displaced, displacements, enlarged, parameter_names
+from ..model.geometry import (
+    RestingJoint,
+    displaced,
+    displacements,
+    enlarged,
+    extended,
+    extensions,
+    parameter_names,
+)
 from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
 from ..summaries import listed
@@ -99,10 +107,22 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
     return groups
 
 
-def changed(
-    mechanism: Mechanism, changes: Mapping[str, float] | object
-) -> tuple[pin.Model, dict[str, float]]:
-    """The tree with a changed geometry, and the values of changed dynamic parameters.
+class ChangedDesign(NamedTuple):
+    """What changes of design parameters give.
+
+    Attributes:
+        model: The tree with displaced joints and frames.
+        extensions: Changes of the lengths of rods, by their names, [m].
+        dynamic_parameters: The values of the dynamic parameters that change.
+    """
+
+    model: pin.Model
+    extensions: dict[str, float]
+    dynamic_parameters: dict[str, float]
+
+
+def changed(mechanism: Mechanism, changes: Mapping[str, float] | object) -> ChangedDesign:
+    """The tree, lengths of rods and dynamic parameters with changes of design parameters.
 
     Anything that is not a mapping of names to numbers is refused.
     """
@@ -115,9 +135,12 @@ def changed(
     ((_, total),) = groups_of(mechanism, [numbers])
     theta = regressor.parameters_of(mechanism)
     geometry = parameter_names(mechanism)
-    moves = displacements(mechanism, {x: c for x, c in total.items() if x in geometry})
-    values = {x: theta[x] + c for x, c in total.items() if x not in geometry}
-    return displaced(mechanism.model, moves), values
+    of_geometry = {x: c for x, c in total.items() if x in geometry}
+    return ChangedDesign(
+        model=displaced(mechanism.model, displacements(mechanism, of_geometry)),
+        extensions=extensions(mechanism.closures, of_geometry),
+        dynamic_parameters={x: theta[x] + c for x, c in total.items() if x not in geometry},
+    )
 
 
 class Design:
@@ -137,33 +160,44 @@ class Design:
             ]
         )
         joints_at_rest: list[RestingJoint] = []
+        rods_of_joints: dict[str, str] = {}
         couplings: list[Coupling] = []
         leaders: list[str] = []
         directions: list[Array] = []
         for k, (_, factors) in enumerate(groups):
             changes = {name: factor for name, factor in factors.items() if name in geometry}
             joints = _joints_of_group(displacements(mechanism, changes), k)
-            if not joints:
-                continue
             joints_at_rest += joints
+            #: The rate of each joint of the group at a unit rate of its parameter.
+            rates = {name: float(np.linalg.norm(direction)) for name, _, direction in joints}
+            for rod, change in extensions(mechanism.closures, changes).items():
+                if change:
+                    rods_of_joints[f"{rod} length{k}"] = rod
+                    rates[f"{rod} length{k}"] = change
+            if not rates:
+                continue
             # The first joint of a group leads, the others follow it in fixed proportions.
-            sizes = [float(np.linalg.norm(direction)) for _, _, direction in joints]
-            leader = joints[0][0]
+            leader, *followers = rates
             leaders.append(leader)
-            directions.append(sizes[0] * np.eye(len(groups))[k])
-            for (follower, _, _), size in zip(joints[1:], sizes[1:], strict=True):
-                couplings.append(Coupling(follower, {leader: (0.0, size / sizes[0])}))
+            directions.append(rates[leader] * np.eye(len(groups))[k])
+            for follower in followers:
+                ratio = rates[follower] / rates[leader]
+                couplings.append(Coupling(follower, {leader: (0.0, ratio)}))
         #: Rates of the leaders, in rows, by a change of each group, in columns.
         self._directions = np.array(directions).reshape(len(directions), len(groups))
-        self._large = Reference(self._enlarged(joints_at_rest, couplings, leaders))
+        self._large = Reference(self._enlarged(joints_at_rest, rods_of_joints, couplings, leaders))
 
     def _enlarged(
-        self, joints_at_rest: list[RestingJoint], couplings: list[Coupling], leaders: list[str]
+        self,
+        joints_at_rest: list[RestingJoint],
+        rods_of_joints: dict[str, str],
+        couplings: list[Coupling],
+        leaders: list[str],
     ) -> Mechanism:
         """The mechanism with joints at rest, of which those that lead are coordinates too."""
         mechanism = self._small.mechanism
         small = mechanism.model
-        large = enlarged(small, joints_at_rest)
+        large = enlarged(small, joints_at_rest, slides=rods_of_joints)
         # Where the joints of the mechanism are in q, v and the bodies of the larger one.
         ids = [large.getJointId(name) for name in list(small.names)[1:]]
         pairs = [(small.joints[i], large.joints[j]) for i, j in enumerate(ids, 1)]
@@ -180,7 +214,7 @@ class Design:
         return replace(
             mechanism,
             model=large,
-            closures=(*mechanism.closures, *couplings),
+            closures=(*extended(mechanism.closures, rods_of_joints), *couplings),
             coordinates=np.array([*self._v[mechanism.coordinates], *leading], dtype=np.intp),
             actuation=_put(no_motors, self._v, mechanism.actuation),
             friction=Friction(

@@ -2,9 +2,10 @@
 """Finds the placements of joints and closures of a robot from measured poses.
 
 An error of the geometry is a displacement of a joint or of a closure's frame along or about an axis
-from where it is drawn. The enlarged robot has a joint for each error: three slides and three hinges
-at each place. So the Jacobian of a frame of this robot, along motions that keep the loops closed,
-has the derivatives of a pose by the errors. Newton's method finds the errors that fit the poses.
+from where it is drawn, or an error of the length of a rod (a `Distance` closure). The enlarged
+robot has a joint for each error: three slides and three hinges at each place, and a slide for each
+rod. So the Jacobian of a frame of this robot, along motions that keep the loops closed, has the
+derivatives of a pose by the errors. Newton's method finds the errors that fit the poses.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from ..errors import (
 from ..files import as_path, text_writer, write_files
 from ..loops.start import placed
 from ..model import geometry
+from ..model.closures import Constraint, Distance
 from ..model.named_positions import with_positions
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
@@ -74,7 +76,8 @@ class Calibration(Summary):
     Attributes:
         names: The errors found, such as "elbow.x" along x of the link that carries the joint, and
             "elbow.rz" about z of the joint's frame before it moves: [m] and [rad]. An offset of a
-            motor is the turn about its axis.
+            motor is the turn about its axis. "a - b.length" is the length of the `Distance` closure
+            of the frames a and b. `with_design` has the same names.
         values: Their values, shape (k,).
         covariance: Their covariance, shape (k, k).
         noise: Standard deviations of the measured positions, [m], and orientations, [rad]; the
@@ -103,6 +106,8 @@ class Calibration(Summary):
     def write_urdf(self, urdf: str | Path, path: str | Path, force: bool = False) -> None:
         """Write a URDF with the calibrated origins of its joints.
 
+        Lengths of rods are in the YAML beside it: a `DescriptionWarning` says what to write there.
+
         Args:
             urdf: The URDF that the robot was read from.
             path: The new file.
@@ -123,6 +128,9 @@ class Calibration(Summary):
             place = name.rpartition(".")[0]
             if place not in self.placements:
                 errors_of_robot[name] = value
+        rods = geometry.extensions(mechanism.closures, errors_of_robot)
+        if rods:
+            warn_caller(_lengths_in_yaml(mechanism.closures, rods), DescriptionWarning)
         changes = dict[str, pin.SE3]()
         for place, displacement in geometry.displacements(mechanism, errors_of_robot).items():
             # A displacement is along the axes of the place as drawn: before its rotation.
@@ -153,7 +161,8 @@ def calibrate(
 ) -> Calibration:
     """The geometry of a robot from measured poses of a frame and positions of the coordinates.
 
-    Only errors that the poses show are estimated. They are in the order of the tree.
+    Only errors that the poses show are estimated. Lengths of rods (`Distance` closures) come first,
+    the others are in the order of the tree.
 
     Args:
         chain: The robot as it is drawn.
@@ -162,10 +171,10 @@ def calibrate(
         poses: Measured poses of the frame in the base, shape (N, 4, 4), or positions of its origin,
             shape (N, 3), [m]. NaN: not measured; see `Poses`.
         which: The errors considered: names, or patterns such as "motor_*.r*", of joints that move,
-            of frames of closures, and of `frame`; by default of all joints and closures. An error
-            that alone opens loops of an overconstrained robot is left out.
-        urdf: The URDF that `write_urdf` of the result takes: by default only errors that it can
-            store are considered.
+            of frames of closures, and of `frame`, and lengths of rods; by default of all joints and
+            closures. An error that alone opens loops of an overconstrained robot is left out.
+        urdf: The URDF that `write_urdf` of the result takes: by default only errors that it, or the
+            YAML beside it, can store are considered.
         start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
             which the others are followed; or in each pose, shape (N, nq).
 
@@ -202,7 +211,7 @@ def calibrate_with(
 
     Each kind of value has its own noise: the given one, or one that is estimated. What is unknown
     of measuring systems is estimated with the errors of the robot; it comes first, so that errors
-    that only move the robot as a whole are `hidden`. Lengths of `Distance` closures count as exact.
+    that only move the robot as a whole are `hidden`.
 
     Args:
         chain: The robot as it is drawn.
@@ -281,6 +290,10 @@ def calibrate_with(
     placements = _placements(machine, unknown, moves)
     moves_of_robot = {place: move for place, move in moves.items() if place not in unknown}
     robot = chain.with_model(geometry.displaced(chain.mechanism.model, moves_of_robot))
+    lengths = geometry.length_names(chain.closures)
+    changes_of_lengths = {name: value for name, value in value_of.items() if name in lengths}
+    if changes_of_lengths:
+        robot = robot.with_design(changes_of_lengths)
     return Calibration(
         names=tuple(value_of),
         values=solution.values,
@@ -528,6 +541,15 @@ def _configurations(chain: ClosedChain, angles: Array, start: ArrayLike | None) 
     return for_each_sample(assembled, [angles, guesses], (1, 1), (size,))
 
 
+def _lengths_in_yaml(closures: Iterable[Constraint], rods: Container[str]) -> str:
+    """What to write into a YAML for the lengths of rods."""
+    entries = []
+    for closure in closures:
+        if isinstance(closure, Distance) and str(closure) in rods:
+            entries.append(f"distance {closure.distance!r} for {closure}")
+    return f"a URDF has no lengths of rods; in its YAML write the type {', '.join(entries)}"
+
+
 def _errors_at(places: Iterable[str]) -> list[str]:
     """Names of the six errors of each place."""
     errors = []
@@ -550,13 +572,15 @@ def _considered(
     known = [frame for frame in frames if frame != "universe" and frame not in unknown]
     joints_and_ends = geometry.places_of(mechanism)
     places = list(dict.fromkeys([*joints_and_ends, *known]))
-    names = _errors_at(places)
+    lengths = geometry.length_names(mechanism.closures)
+    names = [*lengths, *_errors_at(places)]
     if urdf is None:
         storable = set(places)
     else:
         storable = set(carriers_of(Urdf.read(urdf).root, mechanism.model))
     if which is None:
         patterns = [f"{x}.*" for x in joints_and_ends if x not in known and x in storable]
+        patterns += lengths
     else:
         patterns = list(which)
     errors = set[str]()
@@ -565,12 +589,13 @@ def _considered(
         if not matches:
             raise UnknownNameError("error of the geometry", pattern, names)
         errors.update(matches)
-    in_order_of_tree = [name for name in names if name in errors]
-    others = [name for name in in_order_of_tree if name.rpartition(".")[0] not in storable]
+    considered = [name for name in names if name in errors]
+    displaced = [name for name in considered if name not in lengths]
+    others = [name for name in displaced if name.rpartition(".")[0] not in storable]
     if others:
         problem = f"{urdf} cannot store {listed(others)}: no joint of it is there; leave them out"
         raise InputError("which", problem)
-    return in_order_of_tree
+    return considered
 
 
 def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
@@ -580,11 +605,15 @@ def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
     """
     mechanism = chain.mechanism
     joints = []
+    rods_of_joints = dict[str, str]()
     for name in errors:
         for place, displacement in geometry.displacements(mechanism, {name: 1.0}).items():
             joints.append((name, place, displacement))
-    model = geometry.enlarged(mechanism.model, joints)
-    large = ClosedChain(model, chain.closures, [*chain.coordinates, *errors])
+        for rod in geometry.extensions(mechanism.closures, {name: 1.0}):
+            rods_of_joints[name] = rod
+    model = geometry.enlarged(mechanism.model, joints, slides=rods_of_joints)
+    closures = geometry.extended(chain.closures, rods_of_joints)
+    large = ClosedChain(model, closures, [*chain.coordinates, *errors])
     lost = set(chain.coordinates) - set(large.coordinates)
     if lost:
         raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")

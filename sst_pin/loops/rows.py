@@ -26,7 +26,16 @@ from numpy.polynomial import Polynomial
 
 from ..arrays import Array, Indices
 from ..errors import DescriptionError
-from ..model.closures import Brake, Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from ..model.closures import (
+    Brake,
+    Closure,
+    Constraint,
+    Coupling,
+    Distance,
+    ExtendedDistance,
+    Rolling,
+    frames_of,
+)
 from ..model.joint_space import JointSpace
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, joint_id
@@ -496,6 +505,36 @@ class FrameRows:
         return (self._moves * of_each[:, None]).reshape(len(self.at), 12, -1)
 
 
+class ExtendedRodRows(FrameRows):
+    """The rows of rods that joints extend, f = |AB| - length - sum of q_j; see `FrameRows`.
+
+    The joints add constant entries -1 to Phi. So the rates of Phi are those of other rods.
+    """
+
+    def __init__(
+        self, model: pin.Model, tree: NormalTree, rods: Sequence[ExtendedDistance], at: Indices
+    ) -> None:
+        super().__init__(tree, rods, at)
+        #: 1 for the positions and for the rates of the joints of each rod, else 0.
+        self._of_q = np.zeros((len(rods), model.nq))
+        self._of_v = np.zeros((len(rods), model.nv))
+        for k, rod in enumerate(rods):
+            for name in rod.joints:
+                joint = model.joints[joint_id(model, name)]
+                self._of_q[k, joint.idx_q] = 1.0
+                self._of_v[k, joint.idx_v] = 1.0
+        self.touched = self.touched | (self._of_v != 0)[:, None]
+
+    def evaluate(self, q: Array, data: pin.Data) -> None:
+        """Compute f from placements in `data`, and from the positions of the joints."""
+        super().evaluate(q, data)
+        self.f = self.f - (self._of_q @ q)[:, None]
+
+    def Phi(self, J: Array) -> Array:
+        """Jacobians of f, shape (k, 1, nv)."""
+        return super().Phi(J) - self._of_v[:, None]
+
+
 class CouplingRow:
     """The row of a coupling of joints that have one coordinate each; see `FrameRows`."""
 
@@ -582,7 +621,12 @@ def rows_of(
             alike.setdefault(_kind_of(closure), []).append((closure, at))
     for pairs in alike.values():
         of_kind = [closure for closure, _ in pairs]
-        all_rows.append(FrameRows(tree, of_kind, np.array([at for _, at in pairs])))
+        at_of_kind = np.array([at for _, at in pairs])
+        extended = [closure for closure in of_kind if isinstance(closure, ExtendedDistance)]
+        if extended:
+            all_rows.append(ExtendedRodRows(model, tree, extended, at_of_kind))
+        else:
+            all_rows.append(FrameRows(tree, of_kind, at_of_kind))
     return all_rows
 
 

@@ -117,6 +117,20 @@ class Distance:
 
 
 @dataclass(frozen=True)
+class ExtendedDistance(Distance):
+    """A rod whose length is `distance` plus the positions of joints.
+
+    The joints stay at zero: derivatives by their positions are derivatives by the length. Only
+    `geometry.extended` makes such rods; kernels do not know them.
+
+    Attributes:
+        joints: Names of the joints, which slide.
+    """
+
+    joints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Coupling:
     """A joint position as a sum of polynomials of other joint positions.
 

@@ -5,10 +5,13 @@ A *place* is a joint, or a frame of a closure or line. A parameter displaces a p
 coordinate of its position, "crank.length" all places at the end of a link. Displacing a joint also
 moves all bodies after it. A displacement is [linear; angular], shape (6,): linear along the axes of
 the body on which the place is, angular about the axes of the place itself.
+
+A *rod* is a `Distance` closure, named by its frames: "a - b.length" is the parameter of its length.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +19,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import InputError
-from .closures import frames_of
+from .closures import Constraint, Distance, ExtendedDistance, frames_of
 from .joint_series import Series
 from .mechanism import Mechanism
 from .rebuilt_tree import rebuilt
@@ -42,17 +45,30 @@ def places_of(mechanism: Mechanism) -> list[str]:
     return [name for name in dict.fromkeys(names) if name != "universe"]
 
 
+def length_names(closures: Iterable[Constraint]) -> list[str]:
+    """Names of the lengths of rods."""
+    rods = [str(closure) for closure in closures if isinstance(closure, Distance)]
+    return [f"{rod}.length" for rod in dict.fromkeys(rods)]
+
+
 def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the lengths of links, then those of all displacements of places."""
+    """Names of the lengths of links and rods, then those of all displacements of places."""
+    lengths = [f"{link}.length" for link in _lengths(mechanism)]
     places = [f"{place}.{axis}" for place in places_of(mechanism) for axis in AXES]
-    return (*(f"{link}.length" for link in _lengths(mechanism)), *places)
+    return (*lengths, *length_names(mechanism.closures), *places)
 
 
 def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displacements:
-    """The displacement of each place by changes of named parameters, [m] and [rad]."""
+    """The displacement of each place by changes of named parameters, [m] and [rad].
+
+    Lengths of rods displace no place; see `extensions`.
+    """
     lengths = _lengths(mechanism)
+    names_of_rods = length_names(mechanism.closures)
     total: Displacements = {}
     for name, change in changes.items():
+        if name in names_of_rods:
+            continue
         place, _, axis = name.rpartition(".")
         if axis == "length":
             directions = lengths[place]
@@ -61,6 +77,47 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
         for end, direction in directions.items():
             total[end] = total.get(end, 0) + change * direction
     return total
+
+
+def extensions(closures: Iterable[Constraint], changes: Mapping[str, float]) -> dict[str, float]:
+    """The change of the length of each rod by changes of named parameters, [m]."""
+    names_of_rods = length_names(closures)
+    return {
+        name.removesuffix(".length"): change
+        for name, change in changes.items()
+        if name in names_of_rods
+    }
+
+
+def lengthened(
+    closures: Sequence[Constraint], changes: Mapping[str, float]
+) -> tuple[Constraint, ...]:
+    """The closures with changed lengths of rods, by the names of the rods, [m]."""
+    result: list[Constraint] = []
+    for closure in closures:
+        if isinstance(closure, Distance) and str(closure) in changes:
+            result.append(replace(closure, distance=closure.distance + changes[str(closure)]))
+        else:
+            result.append(closure)
+    return tuple(result)
+
+
+def extended(
+    closures: Sequence[Constraint], rods_of_joints: Mapping[str, str]
+) -> tuple[Constraint, ...]:
+    """The closures with rods that joints of `enlarged` extend.
+
+    `rods_of_joints` has the rod that each joint extends.
+    """
+    result: list[Constraint] = []
+    for closure in closures:
+        joints = [joint for joint, rod in rods_of_joints.items() if rod == str(closure)]
+        if joints and isinstance(closure, Distance):
+            a, b, length = closure.frame_a, closure.frame_b, closure.distance
+            result.append(ExtendedDistance(a, b, length, tuple(joints)))
+        else:
+            result.append(closure)
+    return tuple(result)
 
 
 def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
@@ -137,11 +194,18 @@ def take_placements(model: pin.Model, source: pin.Model) -> None:
         frame.placement = other.placement
 
 
-def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Model:
+def enlarged(
+    model: pin.Model, joints_at_rest: Iterable[RestingJoint], slides: Iterable[str] = ()
+) -> pin.Model:
     """The tree with additional joints at the places, which stay at zero.
 
     They are in series between a body and the place. The derivative by a displacement of the place
     equals the derivative by the position of such a joint. The result has no named configurations.
+
+    Args:
+        model: The tree.
+        joints_at_rest: The joints at places.
+        slides: Names of the joints for `extended`: slides on the ground, which move nothing.
     """
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
@@ -175,6 +239,8 @@ def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Mo
         for frame in frames:
             frame.parentJoint = parent
             frame.placement = placement
+    for name in slides:
+        large.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
     for pose in list(large.referenceConfigurations):
         del large.referenceConfigurations[pose.key()]
     return large

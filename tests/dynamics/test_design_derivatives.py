@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin import robots
 from tests.support.derivative_cases import CASES, derivative
+from tests.support.rods import rod_delta
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 QUICK = ("four_bar", "ankle", "two motors on lines")
@@ -221,3 +222,44 @@ def test_changes_are_a_mapping_of_names_to_numbers(changes):
 def test_changes_beyond_all_measures_are_refused():
     with pytest.raises(sst_pin.SSTError, match="too large"):
         robots.five_bar().with_design({"elbow_1.x": 1e200})
+
+
+def test_derivatives_by_lengths_of_rods_are_differences_of_robots_with_other_rods():
+    """Alone, together, and together with a placement and a mass."""
+    rods = [f"elbow_{k} - ball_{k}.length" for k in (1, 2, 3)]
+    chain = rod_delta([0.36, 0.37, 0.38])
+    assert set(rods) < set(chain.design_parameters)
+    q = chain.assemble({"motor_1": 0.2, "motor_2": 0.4, "motor_3": 0.1})
+    va, aa = np.array([1.0, -2.0, 0.5]), np.array([3.0, 1.0, -2.0])
+    mixed = {rods[0]: -1.0, rods[1]: 0.5, "motor_2.x": 0.3, "slides.mass": 2.0}
+    d = chain.design_derivatives(q, va, aa, [rods[2], "*ball*.length", mixed], frame="platform")
+
+    def flat(s, changes):
+        """Torques and the position of the platform; the rods are given to the constructor."""
+        lengths = 0.36 + 0.01 * np.arange(3) + s * np.array([changes.get(rod, 0.0) for rod in rods])
+        other = rod_delta(lengths)
+        model = pin.Model(other.model)
+        place = model.jointPlacements[model.getJointId("motor_2")]
+        place.translation = place.translation + s * changes.get("motor_2.x", 0.0) * np.eye(3)[0]
+        model.inertias[1].mass += s * changes.get("slides.mass", 0.0)
+        other = other.with_model(model)
+        position = other.assemble(q, fixed=chain.coordinates)
+        tau = other.compute_torques(position, va, aa)
+        return np.append(tau, other.frame_placement(position, "platform")[0])
+
+    groups = [{rods[2]: 1.0}, dict.fromkeys(rods, 1.0), mixed]
+    for k, changes in enumerate(groups):
+        expected = derivative(lambda s, changes=changes: flat(s, changes), 1e-4)
+        actual = np.append(d.torques[:, k], d.pose[:3, k])
+        # Rounding of the differences is 1e-16 / 1e-4.
+        assert_allclose(actual, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_with_design_changes_lengths_of_rods_and_keeps_brakes():
+    chain = rod_delta([0.36] * 3).with_brakes(["motor_1"])
+    other = chain.with_design({"elbow_2 - ball_2.length": 1e-3})
+    assert [x.distance for x in other.closures[:3]] == pytest.approx([0.36, 0.361, 0.36], rel=1e-15)
+    assert other.closures[3:] == chain.closures[3:]
+    assert other.degrees_of_freedom == 2
+    with pytest.raises(sst_pin.DescriptionError, match="positive"):
+        chain.with_design({"elbow_2 - ball_2.length": -1.0})
