@@ -2,8 +2,9 @@
 """Times of steps with contacts and loops, beside MuJoCo: `python scripts/benchmark/contacts.py`.
 
 The biped of tests/gallery/on_feet.py stands up under gains of its motors, with steps of 0.5 ms, in
-MuJoCo with `implicitfast` and loops and contacts as stiff as it allows. All times are from one run:
-the least of some repeats. Depths and open loops are the largest of all steps.
+MuJoCo with `implicitfast` and loops and contacts as stiff as it allows. Both use one thread. The
+calls that are compared take turns, and the least CPU time of each counts, so that other programs on
+the machine disturb little. Depths and open loops are the largest of all steps.
 """
 
 import sys
@@ -11,6 +12,7 @@ import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,14 +26,25 @@ STEP, STEPS, MANY, FRICTION = 5e-4, 600, 64, 0.8
 STIFFNESS, DAMPING = 150.0, 1.0
 
 
-def least_time(call: Callable[[], object], repeats: int) -> float:
-    """Least time of some calls, [s]."""
+class Peers(NamedTuple):
+    """Least CPU times of two calls that take turns, [s]."""
+
+    ours: float
+    mujoco: float
+
+
+def least_times(
+    ours: Callable[[], object], mujoco_call: Callable[[], object], repeats: int
+) -> Peers:
+    """Time two calls in turns; both run in this thread."""
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return min(times)
+        start = time.process_time()
+        ours()
+        between = time.process_time()
+        mujoco_call()
+        times.append((between - start, time.process_time() - between))
+    return Peers(*np.min(times, axis=0))
 
 
 def main() -> None:
@@ -59,17 +72,21 @@ def main() -> None:
             mujoco.mj_step(model, data)
 
     tau = np.zeros((STEPS, motors))
-    one = least_time(lambda: chain.rollout(tau, home, np.zeros(n), STEP, **gains), 9) / STEPS
-    peer = least_time(step_mujoco, 5) / STEPS
+    single = least_times(
+        lambda: chain.rollout(tau, home, np.zeros(n), STEP, **gains), step_mujoco, 9
+    )
     rates = 0.01 * np.random.default_rng(0).normal(size=(MANY, n))
     taus = np.zeros((MANY, STEPS, motors))
-    many = least_time(lambda: chain.rollout(taus, home, rates, STEP, **gains), 3)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     reset()
     state = np.zeros(size)
     mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     states, controls = np.tile(state, (MANY, 1)), np.tile(held, (MANY, STEPS, 1))
-    peers = least_time(lambda: rollout.rollout(model, data, states, controls), 3)
+    many = least_times(
+        lambda: chain.rollout(taus, home, rates, STEP, threads=1, **gains),
+        lambda: rollout.rollout(model, data, states, controls),
+        5,
+    )
 
     motion = chain.rollout(taus, home, rates, STEP, **gains)
     opened = np.abs(chain.residual(motion.q[::8, ::10])).max()
@@ -81,14 +98,18 @@ def main() -> None:
         loops = data.efc_pos[: data.ne]
         open_peer = max(open_peer, float(np.abs(loops).max(initial=0)))
         deep_peer = min(deep_peer, float(data.contact.dist.min(initial=0)))
-    print(f"one biped: {one * 1e6:.1f} us a step; mj_step {peer * 1e6:.1f} us; {one / peer:.2f}")
-    many, peers = many / STEPS / MANY * 1e6, peers / STEPS / MANY * 1e6
-    print(f"{MANY} bipeds: {many:.2f} us each; mujoco.rollout {peers:.2f} us; {many / peers:.2f}")
+    show("one biped: mj_step", single, STEPS)
+    show(f"{MANY} bipeds: mujoco.rollout", many, MANY * STEPS)
     print(f"loops open {opened:.0e} m, MuJoCo {open_peer:.0e} m")
     print(f"depth {RADIUS - np.min(heights):.0e} m, MuJoCo {-deep_peer:.0e} m")
-    print(
-        f"residual {motion.residual.max():.0e}, steps not solved {int((motion.status > 0).sum())}"
-    )
+    unsolved = int((motion.status > 0).sum())
+    print(f"residual {motion.residual.max():.0e}, steps not solved {unsolved}")
+
+
+def show(title: str, times: Peers, steps: int) -> None:
+    """Print the times of a step, [us], and their ratio."""
+    ours, peer = (seconds / steps * 1e6 for seconds in times)
+    print(f"{title} {peer:.1f} us a step; ours {ours:.1f} us; {ours / peer:.2f}")
 
 
 if __name__ == "__main__":
