@@ -15,6 +15,8 @@ from ..files import as_path
 from ..model.checks import Motor
 from .mjcf_compiled import Compiled
 from .mjcf_contacts import contact_note, contacts_of, ropes_of
+from .mjcf_joint_numbers import put_joint_numbers, springs_of
+from .mjcf_keyframes import put_home, put_keyframes
 from .mjcf_limits import put_efforts
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_numbers import impossible_numbers
@@ -65,7 +67,9 @@ def robot_file_of(
     tree.add_body_frames()
 
     # Numbers of joints, lines and contacts.
-    springs = tree.add_numbers()
+    put_joint_numbers(compiled, tree)
+    springs = springs_of(compiled, tree)
+    put_keyframes(compiled, tree)
     efforts_of_lines = put_efforts(compiled, tree)
     ropes = tuple(ropes_of(compiled)) if contacts else ()
     names_of_ropes = {rope.name for rope in ropes}
@@ -77,7 +81,7 @@ def robot_file_of(
     if moving > MOST_JOINTS:
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
     _raise(compiled, problems)
-    tree.add_home(closures)
+    put_home(compiled, tree, closures)
 
     notes = [warning("file", text) for text in dict.fromkeys(compiled.notes)]
     if not contacts:
@@ -119,8 +123,8 @@ def _names(compiled: Compiled) -> Iterator[str]:
     joints = Counter[str]()
     rates = Counter[str]()
     for joint in range(compiled.mj.njnt):
-        joints[compiled.joint(joint)] += 1
-        rates.update(compiled.rates(joint))
+        joints[compiled.joint_name(joint)] += 1
+        rates.update(compiled.rate_names(joint))
     known = joints + rates
     with naming(compiled.source):
         for name in compiled.locked.difference(known):

@@ -43,7 +43,7 @@ def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force: Arr
     rate = int(mj.jnt_dofadr[joint])
     if mj.jnt_type[joint] not in (HINGE, SLIDE) or rate not in tree.dofs:
         return
-    effort = _effort(compiled, f"joint {compiled.joint(joint)}", force)
+    effort = _effort(compiled, f"joint {compiled.joint_name(joint)}", force)
     if np.isfinite(effort):
         tree.model.effortLimit[tree.dofs.index(rate)] = effort
 

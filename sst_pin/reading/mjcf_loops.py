@@ -39,7 +39,7 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
     mj = compiled.mj
     for tendon in tree.tendons:
         shares = compiled.coefficients(tendon)
-        polynomials = {compiled.joint(joint): (0.0, share) for joint, share in shares.items()}
+        polynomials = {compiled.joint_name(joint): (0.0, share) for joint, share in shares.items()}
         moving = sum(share * mj.qpos0[mj.jnt_qposadr[joint]] for joint, share in shares.items())
         offset = compiled.tendon_length(tendon, mj.qpos0) - moving  # of joints that are locked
         yield Coupling(compiled.name("tendon", tendon), polynomials, float(offset))
@@ -137,7 +137,7 @@ def _length(compiled: Compiled, factors: dict[int, float]) -> _Length:
     factors_by_name = dict[str, float]()
     for joint, factor in factors.items():
         reference += factor * mj.qpos0[mj.jnt_qposadr[joint]]
-        factors_by_name[compiled.joint(joint)] = factor
+        factors_by_name[compiled.joint_name(joint)] = factor
     return _Length(factors_by_name, float(reference))
 
 
@@ -240,7 +240,7 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
 def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
     """A fixed tendon as a motor: its name with the factors of its joints."""
     shares = compiled.coefficients(tendon)
-    factors = {compiled.joint(joint): share for joint, share in shares.items()}
+    factors = {compiled.joint_name(joint): share for joint, share in shares.items()}
     return {compiled.name("tendon", tendon): factors}
 
 
@@ -249,7 +249,7 @@ def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ..
 
     A name of both a joint and a tendon means the joint.
     """
-    joints = {compiled.joint(joint) for joint in range(compiled.mj.njnt)}
+    joints = {compiled.joint_name(joint) for joint in range(compiled.mj.njnt)}
     tendons = dict[str, Motor]()
     for i in range(compiled.mj.ntendon):
         name = compiled.name("tendon", i)
@@ -277,7 +277,7 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
             text = f"{actuator.name}: {problem}; name the motors by actuated="
             compiled.problems.append(text)
         elif actuator.kind == "joint":
-            yield compiled.joint(actuator.target)
+            yield compiled.joint_name(actuator.target)
         elif compiled.is_spatial(actuator.target):
             if not _is_within_one_body(compiled, tree, actuator.target):
                 yield compiled.name("tendon", actuator.target)
@@ -390,6 +390,6 @@ def _line_problem(compiled: Compiled, tendon: int) -> str:
         return "a tendon with pulleys or around geoms is not supported"
     if len(kinds) != 2:
         return f"a tendon through {len(kinds)} sites is not supported; two are"
-    if compiled.name("tendon", tendon) in map(compiled.joint, range(mj.njnt)):
+    if compiled.name("tendon", tendon) in map(compiled.joint_name, range(mj.njnt)):
         return "a joint has this name too; rename one"
     return ""

@@ -44,8 +44,8 @@ def impossible_numbers(compiled: Compiled) -> Iterator[str]:
 def _element(compiled: Compiled, kind: str, i: int) -> str:
     """Kind and name of an element in the words of an MJCF, such as "joint knee"."""
     if kind == "dof":
-        return f"joint {compiled.joint(compiled.mj.dof_jntid[i])}"
+        return f"joint {compiled.joint_name(compiled.mj.dof_jntid[i])}"
     if kind == "jnt":
-        return f"joint {compiled.joint(i)}"
+        return f"joint {compiled.joint_name(i)}"
     word = "equality" if kind == "eq" else kind
     return f"{word} {compiled.name(word, i)}"

@@ -61,7 +61,7 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
     if not problems:
         for joint in forces.joints_with_other_forces():
             text = "a passive force of MuJoCo on it is not supported"
-            problems.append(f"joint {compiled.joint(joint)}: {text}")
+            problems.append(f"joint {compiled.joint_name(joint)}: {text}")
     return problems
 
 
@@ -71,7 +71,7 @@ def _joint_problems(compiled: Compiled) -> Iterator[str]:
     for joint in range(mj.njnt):
         if compiled.is_locked(joint) or not compiled.locked_rates(joint):
             continue
-        name = compiled.joint(joint)
+        name = compiled.joint_name(joint)
         has_spring = mj.jnt_stiffness[joint] and not compiled.disabled("spring")
         if mj.jnt_type[joint] == FREE:
             # It becomes slides and hinges in other axes than MuJoCo's, with other forces.
@@ -89,7 +89,7 @@ def joint_notes(compiled: Compiled) -> Iterator[str]:
     for joint in range(mj.njnt):
         if compiled.is_locked(joint):
             continue
-        name = compiled.joint(joint)
+        name = compiled.joint_name(joint)
         dof = mj.jnt_dofadr[joint]
         if mj.jnt_type[joint] == FREE and not compiled.locked_rates(joint):
             forces = compiled.forces_of_free_joint(joint)
