@@ -13,12 +13,14 @@ from ..arrays import in_order, names
 from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..model.checks import Motor
+from .mjcf_actuators import motors_of, named_motors
+from .mjcf_closures import add_closures, tendon_couplings
 from .mjcf_compiled import Compiled
-from .mjcf_contacts import contact_note, contacts_of, ropes_of
+from .mjcf_contacts import add_contacts, contact_note, ropes_of
 from .mjcf_joint_numbers import put_joint_numbers, springs_of
 from .mjcf_keyframes import put_home, put_keyframes
 from .mjcf_limits import put_efforts
-from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
+from .mjcf_lines import lines_of
 from .mjcf_numbers import impossible_numbers
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import joint_notes, unread_forces
@@ -51,37 +53,44 @@ def robot_file_of(
     With `contacts`, the contacts and ropes that nonsmooth rollouts can compute are read too.
     """
     compiled = Compiled(as_path(path), names("locked", locked))
-    problems = compiled.problems  # the readers below add to them
-    problems += [*impossible_numbers(compiled), *_switched_off(compiled, actuated)]
-    if not problems:
-        problems += _names(compiled)
-    _raise(compiled, problems)
+    # The readers below add to the problems and the notes of `compiled`.
+    compiled.problems += impossible_numbers(compiled)
+    compiled.problems += _disabled_parts(compiled, actuated)
+    if not compiled.problems:
+        compiled.problems += _name_problems(compiled)
+    _raise_problems(compiled)
 
-    # The tree, and what the names of the file refer to.
+    # The tree, the closures and the motors.
     tree = MjcfTree(compiled)
-    closures = tuple(closures_of(compiled, tree))
+    closures = (*tendon_couplings(compiled, tree), *add_closures(compiled, tree))
     if actuated is None:
         motors = tuple(motors_of(compiled, tree))
     else:
         motors = named_motors(compiled, in_order("actuated", actuated))
+    # Frames at sites and at ends of closures keep their names; bodies get those that are left.
     tree.add_body_frames()
 
-    # Numbers of joints, lines and contacts.
+    # Numbers of joints, and configurations.
     put_joint_numbers(compiled, tree)
     springs = springs_of(compiled, tree)
     put_keyframes(compiled, tree)
     efforts_of_lines = put_efforts(compiled, tree)
+
+    # Forces along lines, ropes and contacts.
     ropes = tuple(ropes_of(compiled)) if contacts else ()
     names_of_ropes = {rope.name for rope in ropes}
     lines = tuple(lines_of(compiled, motors, efforts_of_lines, names_of_ropes))
-    points = tuple(contacts_of(compiled, tree)) if contacts else ()
-    problems += unread_forces(compiled, tree)
+    points = tuple(add_contacts(compiled, tree)) if contacts else ()
+
+    # What is not read.
+    compiled.problems += unread_forces(compiled, tree)
     compiled.notes += joint_notes(compiled)
     moving = tree.model.njoints - 1
     if moving > MOST_JOINTS:
-        problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
-    _raise(compiled, problems)
-    put_home(compiled, tree, closures)
+        text = f"{moving} moving joints; at most {MOST_JOINTS} are supported"
+        compiled.problems.append(text)
+    _raise_problems(compiled)
+    put_home(compiled, tree, closures)  # it needs a model without problems
 
     notes = [warning("file", text) for text in dict.fromkeys(compiled.notes)]
     if not contacts:
@@ -102,13 +111,14 @@ def robot_file_of(
     )
 
 
-def _raise(compiled: Compiled, problems: Sequence[str]) -> None:
-    if problems:
-        raise DescriptionError(compiled.source, problems)
+def _raise_problems(compiled: Compiled) -> None:
+    """Raise an error that lists all problems, if there are any."""
+    if compiled.problems:
+        raise DescriptionError(compiled.source, compiled.problems)
 
 
-def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
-    """Disabled flags that switch off the closures or the motors."""
+def _disabled_parts(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
+    """Problems of flags that switch off closures, or motors that the file has to name."""
     if compiled.mj.eq_active0.any():
         for flag in ("constraint", "equality"):
             if compiled.disabled(flag):
@@ -118,7 +128,7 @@ def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Itera
         yield f'<flag actuation="disable">: {text}'
 
 
-def _names(compiled: Compiled) -> Iterator[str]:
+def _name_problems(compiled: Compiled) -> Iterator[str]:
     """Problems of ambiguous names; raises an error for an unknown one."""
     joints = Counter[str]()
     rates = Counter[str]()

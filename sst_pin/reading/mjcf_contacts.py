@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from ..arrays import Array
 from ..model.contacts import Contact, Rope
 from ..summaries import listed
 from .mjcf_compiled import Compiled, pose_of
@@ -20,50 +21,135 @@ _POINT = 1e-8
 _SAME = 1e-9
 
 
-def contacts_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact]:
-    """Contacts of spheres and of the corners of boxes with planes.
+def add_contacts(compiled: Compiled, tree: MjcfTree) -> list[Contact]:
+    """Contacts of spheres and of the corners of boxes with planes; adds their frames to the tree.
 
-    Their frames are added to the tree. A note names the pairs of shapes that are left out.
+    A note names the pairs of shapes that are left out.
     """
     mj = compiled.mj
-    geoms = compiled.mujoco.mjtGeom
-    plane = int(geoms.mjGEOM_PLANE)
-    sphere = int(geoms.mjGEOM_SPHERE)
-    box = int(geoms.mjGEOM_BOX)
-    left_out = Counter[str]()
+    sphere = int(compiled.mujoco.mjtGeom.mjGEOM_SPHERE)
+    box = int(compiled.mujoco.mjtGeom.mjGEOM_BOX)
+    contacts = list[Contact]()
+    left_out = Counter[str]()  # how often each pair of kinds is left out
     for pair in _pairs(compiled, tree):
-        ground = pair.first
-        shape = pair.second
-        if mj.geom_type[ground] != plane:
-            ground = pair.second
-            shape = pair.first
+        ground, shape = _ground_first(compiled, pair)
         kind = mj.geom_type[shape]
-        if mj.geom_type[ground] != plane or kind not in (sphere, box):
+        if not _is_plane(compiled, ground) or kind not in (sphere, box):
             kinds = [_geom_kind(compiled, geom) for geom in (pair.first, pair.second)]
             left_out[" on ".join(sorted(kinds))] += 1
             continue
-        ground_frame = _frame(compiled, tree, ground, np.zeros(3), "")
+        ground_frame = _ground_frame(compiled, tree, ground)
         name = compiled.name("geom", shape)
         if kind == sphere:
             radius = float(mj.geom_size[shape, 0])
             if radius <= _POINT:
                 radius = 0.0
-            frame = _frame(compiled, tree, shape, np.zeros(3), name)
-            yield Contact(frame, radius=radius, ground=ground_frame, friction=pair.friction)
-            continue
-        for k, signs in enumerate(product((-1, 1), repeat=3)):
-            corner = mj.geom_size[shape] * signs
-            frame = _frame(compiled, tree, shape, corner, f"{name}_corner_{k}")
-            yield Contact(frame, ground=ground_frame, friction=pair.friction)
+            frame = _frame_at_point(compiled, tree, shape, np.zeros(3), name)
+            contact = Contact(frame, radius=radius, ground=ground_frame, friction=pair.friction)
+            contacts.append(contact)
+        else:
+            for k, signs in enumerate(product((-1, 1), repeat=3)):
+                corner = mj.geom_size[shape] * signs
+                frame = _frame_at_point(compiled, tree, shape, corner, f"{name}_corner_{k}")
+                contacts.append(Contact(frame, ground=ground_frame, friction=pair.friction))
     if left_out:
         pairs = listed([f"{count} of {kinds}" for kinds, count in left_out.items()])
         compiled.notes.append(f"contacts are left out: {pairs}; spheres and boxes on planes act")
+    return contacts
+
+
+class _Pair(NamedTuple):
+    """Two shapes that can touch, by index, and their coefficient of friction."""
+
+    first: int
+    second: int
+    friction: float
+
+
+def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
+    """Pairs of shapes on different joints that can touch.
+
+    First those that the file lists, then those whose masks `contype` and `conaffinity` match.
+    """
+    mj = compiled.mj
+    joints = [tree.bodies[body][0] for body in mj.geom_bodyid]
+    for k in range(mj.npair):
+        a = int(mj.pair_geom1[k])
+        b = int(mj.pair_geom2[k])
+        if joints[a] != joints[b]:
+            yield _Pair(a, b, _friction(mj.pair_dim[k], mj.pair_friction[k, 0]))
+    for a, b in combinations(range(mj.ngeom), 2):
+        a_touches_b = mj.geom_contype[a] & mj.geom_conaffinity[b]
+        b_touches_a = mj.geom_contype[b] & mj.geom_conaffinity[a]
+        if (a_touches_b or b_touches_a) and joints[a] != joints[b]:
+            dimension = max(mj.geom_condim[a], mj.geom_condim[b])
+            larger = max(mj.geom_friction[a, 0], mj.geom_friction[b, 0])
+            yield _Pair(a, b, _friction(dimension, larger))
+
+
+def _friction(dimension: int, coefficient: float) -> float:
+    """The coefficient of friction; contacts of dimension 1 have none."""
+    return float(coefficient) if dimension > 1 else 0.0
+
+
+def _is_plane(compiled: Compiled, geom: int) -> bool:
+    """Whether a shape is a plane."""
+    return bool(compiled.mj.geom_type[geom] == int(compiled.mujoco.mjtGeom.mjGEOM_PLANE))
+
+
+def _ground_first(compiled: Compiled, pair: _Pair) -> tuple[int, int]:
+    """The two shapes of a pair; the plane is the first if one of them is a plane."""
+    if _is_plane(compiled, pair.first):
+        return pair.first, pair.second
+    return pair.second, pair.first
 
 
 def _geom_kind(compiled: Compiled, geom: int) -> str:
     """The kind of a shape in words, such as "capsule"."""
     kind = compiled.mujoco.mjtGeom(int(compiled.mj.geom_type[geom]))
     return str(kind.name.removeprefix("mjGEOM_").lower())
+
+
+def _ground_frame(compiled: Compiled, tree: MjcfTree, plane: int) -> str:
+    """Name of a frame on a plane, whose z axis is the normal; adds it to the tree if need be."""
+    joint, place = _placement(compiled, tree, plane)
+    for frame in tree.model.frames:
+        if frame.parentJoint == joint:
+            relative = frame.placement.actInv(place)
+            has_normal = np.abs(relative.rotation[:, 2] - [0, 0, 1]).max() < _SAME
+            if _is_at_origin(relative) and has_normal:
+                return str(frame.name)
+    return _add_frame(tree.model, compiled.name("geom", plane), joint, place)
+
+
+def _frame_at_point(compiled: Compiled, tree: MjcfTree, geom: int, point: Array, name: str) -> str:
+    """Name of a frame at a point of a shape; adds one to the tree, if need be, with this name."""
+    joint, place = _placement(compiled, tree, geom)
+    place = place * pin.SE3(np.eye(3), point)
+    for frame in tree.model.frames:
+        if frame.parentJoint == joint and _is_at_origin(frame.placement.actInv(place)):
+            return str(frame.name)
+    return _add_frame(tree.model, name, joint, place)
+
+
+def _placement(compiled: Compiled, tree: MjcfTree, geom: int) -> tuple[int, pin.SE3]:
+    """The joint that moves a shape, and the shape's placement on this joint."""
+    mj = compiled.mj
+    joint, body_on_joint = tree.bodies[mj.geom_bodyid[geom]]
+    return joint, body_on_joint * pose_of(mj.geom_pos[geom], mj.geom_quat[geom])
+
+
+def _is_at_origin(relative: pin.SE3) -> bool:
+    """Whether two frames with this relative placement have the same origin."""
+    return bool(np.abs(relative.translation).max() < _SAME)
+
+
+def _add_frame(model: pin.Model, name: str, joint: int, place: pin.SE3) -> str:
+    """Add a frame; returns its name, which is another one if there is a frame of this name."""
+    if model.existFrame(name):
+        name = f"{name}_contact"
+    model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    return name
 
 
 def ropes_of(compiled: Compiled) -> Iterator[Rope]:
@@ -105,59 +191,3 @@ def contact_note(compiled: Compiled, tree: MjcfTree) -> str:
     if can_touch or mj.npair:
         return "contacts are not computed"
     return ""
-
-
-class _Pair(NamedTuple):
-    """Two shapes that can touch, by index, and their coefficient of friction."""
-
-    first: int
-    second: int
-    friction: float
-
-
-def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
-    """Pairs of shapes on different bodies that can touch: listed ones, then by their masks."""
-    mj = compiled.mj
-    joints = [tree.bodies[body][0] for body in mj.geom_bodyid]
-    for k in range(mj.npair):
-        a = int(mj.pair_geom1[k])
-        b = int(mj.pair_geom2[k])
-        if joints[a] != joints[b]:
-            yield _Pair(a, b, _friction(mj.pair_dim[k], mj.pair_friction[k, 0]))
-    for a, b in combinations(range(mj.ngeom), 2):
-        a_touches_b = mj.geom_contype[a] & mj.geom_conaffinity[b]
-        b_touches_a = mj.geom_contype[b] & mj.geom_conaffinity[a]
-        if (a_touches_b or b_touches_a) and joints[a] != joints[b]:
-            dimension = max(mj.geom_condim[a], mj.geom_condim[b])
-            larger = max(mj.geom_friction[a, 0], mj.geom_friction[b, 0])
-            yield _Pair(a, b, _friction(dimension, larger))
-
-
-def _friction(dimension: int, coefficient: float) -> float:
-    """The coefficient of friction; contacts of dimension 1 have none."""
-    return float(coefficient) if dimension > 1 else 0.0
-
-
-def _frame(compiled: Compiled, tree: MjcfTree, geom: int, offset: np.ndarray, name: str) -> str:
-    """Name of a frame at a point of a shape: one that exists, or a new one of this name.
-
-    An empty name is for a plane: the z axis of its frame is the normal of the plane.
-    """
-    mj = compiled.mj
-    model = tree.model
-    joint, on_body = tree.bodies[mj.geom_bodyid[geom]]
-    place = on_body * pose_of(mj.geom_pos[geom], mj.geom_quat[geom])
-    place = place * pin.SE3(np.eye(3), offset)
-    for frame in model.frames:
-        if frame.parentJoint != joint:
-            continue
-        relative = frame.placement.actInv(place)
-        same_point = np.abs(relative.translation).max() < _SAME
-        same_normal = np.abs(relative.rotation[:, 2] - [0, 0, 1]).max() < _SAME
-        if same_point and (name or same_normal):
-            return str(frame.name)
-    name = name or compiled.name("geom", geom)
-    if model.existFrame(name):
-        name = f"{name}_contact"
-    model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
-    return name

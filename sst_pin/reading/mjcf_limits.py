@@ -4,8 +4,8 @@
 import numpy as np
 
 from ..arrays import Array
+from .mjcf_actuators import actuators
 from .mjcf_compiled import HINGE, SLIDE, Compiled
-from .mjcf_loops import actuators
 from .mjcf_tree import MjcfTree
 
 
@@ -55,7 +55,7 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
     for actuator in actuators(compiled):
         key = (actuator.kind, actuator.target)
         if actuator.gear:
-            range_of_one = np.sort(actuator.gear * _range_of(compiled, actuator.number))
+            range_of_one = np.sort(actuator.gear * _range_of(compiled, actuator.index))
         else:  # zero times an infinite range would be NaN
             range_of_one = np.zeros(2)
         ranges[key] = ranges.get(key, 0.0) + range_of_one

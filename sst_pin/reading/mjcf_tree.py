@@ -7,9 +7,10 @@ In Pinocchio the linear rates of a free joint are in axes of the body, in MuJoCo
 world. Angular rates are in axes of the body in both. Where the difference matters, because the
 joint has a spring, dry friction or armature, the free joint becomes three slides and a ball.
 
-A fixed tendon with forces or inertia becomes a joint of a body without mass. `closures_of` couples
-the joint: its position is the length of the tendon. So springs, dampers, friction and armature of
-the tendon are those of the joint. The joints of tendons come last, after those of the file.
+A fixed tendon with forces or inertia becomes a joint of a body without mass. `mjcf_closures`
+couples the joint: its position is the length of the tendon. So springs, dampers, friction and
+armature of the tendon are those of the joint. The joints of tendons come last, after those of the
+file.
 """
 
 from collections.abc import Sequence

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..summaries import listed
+from .mjcf_actuators import actuators
 from .mjcf_compiled import BALL, FREE, Compiled
-from .mjcf_loops import actuators
 from .mjcf_sampled_forces import SampledForces
 from .mjcf_tree import MjcfTree
 

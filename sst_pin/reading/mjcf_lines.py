@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Spatial tendons of an MJCF as forces along lines between two sites."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..model.checks import Motor, tendon_of
+from ..model.lines import LineForce
+from .mjcf_compiled import Compiled
+from .robot_file import naming
+
+#: Longer limits of tendons are ignored, [m].
+_FAR = 1e9
+
+
+def line_problem(compiled: Compiled, tendon: int) -> str:
+    """Why a spatial tendon cannot be a line between two sites; empty if it can."""
+    mj = compiled.mj
+    kinds = mj.wrap_type[compiled.wraps(tendon)]
+    if (kinds != int(compiled.mujoco.mjtWrap.mjWRAP_SITE)).any():
+        return "a tendon with pulleys or around geoms is not supported"
+    if len(kinds) != 2:
+        return f"a tendon through {len(kinds)} sites is not supported; two are"
+    if compiled.name("tendon", tendon) in map(compiled.joint_name, range(mj.njnt)):
+        return "a joint has this name too; rename one"
+    return ""
+
+
+def lines_of(
+    compiled: Compiled,
+    motors: Sequence[Motor],
+    efforts: Mapping[str, float],
+    ropes: Collection[str],
+) -> Iterator[LineForce]:
+    """Spatial tendons with a spring, a damper, friction or inertia, and those that are motors.
+
+    A tendon that cannot be a line adds a problem to `compiled.problems`, a tendon whose limits are
+    ignored a note to `compiled.notes`.
+
+    Args:
+        compiled: The model.
+        motors: Motors of the robot.
+        efforts: The largest forces of motors on tendons, by name.
+        ropes: Names of the tendons that are read as ropes, so that their limits are not ignored.
+    """
+    mj = compiled.mj
+    driven = set[str]()  # names of joints and lines on which motors act
+    for motor in motors:
+        _, shares = tendon_of(motor)
+        driven.update(shares)
+    for tendon in range(mj.ntendon):
+        name = compiled.name("tendon", tendon)
+        force = _force_of(compiled, tendon)
+        has_limits = mj.tendon_limited[tendon] and not compiled.disabled("limit")
+        is_line = compiled.is_spatial(tendon) and (any(force) or name in driven)
+        if not is_line:
+            if has_limits and name not in ropes:
+                compiled.notes.append(f"tendon {name}: its limits are ignored")
+            continue
+
+        # What a line cannot have.
+        shortest, longest = mj.tendon_lengthspring[tendon]
+        problem = line_problem(compiled, tendon)
+        if not problem and force.stiffness and shortest != longest:
+            problem = "a springlength with a dead band is not supported; give one number"
+        if problem:
+            compiled.problems.append(f"tendon {name}: {problem}")
+            continue
+
+        # The line.
+        lower = 0.0
+        upper = np.inf
+        if has_limits:
+            lower, upper = mj.tendon_range[tendon]
+        site_a, site_b = mj.wrap_objid[compiled.wraps(tendon)]
+        with naming(compiled.source):
+            yield LineForce(
+                compiled.name("site", site_a),
+                compiled.name("site", site_b),
+                name=name,
+                stiffness=force.stiffness,
+                rest_length=shortest if force.stiffness else 0.0,
+                damping=force.damping,
+                coulomb_friction=force.dry_friction,
+                mass=force.mass,
+                lower=max(lower, 0.0),
+                upper=upper if upper < _FAR else np.inf,
+                effort=efforts.get(name, np.inf),
+            )
+
+
+class _Force(NamedTuple):
+    """Coefficients of the forces of a tendon, without those that a flag disables."""
+
+    stiffness: float
+    damping: float
+    dry_friction: float
+    mass: float
+
+
+def _force_of(compiled: Compiled, tendon: int) -> _Force:
+    """The forces of a tendon."""
+    mj = compiled.mj
+    stiffness = 0.0
+    damping = 0.0
+    dry_friction = 0.0
+    if not compiled.disabled("spring"):
+        stiffness = mj.tendon_stiffness[tendon]
+    if not compiled.disabled("damper"):
+        damping = mj.tendon_damping[tendon]
+    if not compiled.disabled("frictionloss"):
+        dry_friction = mj.tendon_frictionloss[tendon]
+    return _Force(stiffness, damping, dry_friction, compiled.tendon_armature[tendon])
