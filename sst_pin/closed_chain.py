@@ -1032,16 +1032,20 @@ class ClosedChain(RobotProperties, Summary):
         return findings(engine, t, q)
 
     def loads(
-        self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
+        self,
+        motion: Trajectory,
+        *,
+        stiffness: Mapping[str, ArrayLike] | None = None,
+        axes: ArrayLike | None = None,
     ) -> Loads:
         """Peaks, their times and means of the forces and moments in joints and closures.
 
-        The motion is one under weights and its own torques; `stiffness` as in `reactions`. Sizes
-        that are not unique are NaN.
+        The motion is one under weights and its own torques; `stiffness` and `axes` as in
+        `reactions`. Sizes that are not unique are NaN.
         """
         from .simulation.bearing_loads import loads
 
-        return loads(self._engine, motion, stiffness)
+        return loads(self._engine, motion, stiffness, axes)
 
     # --- files and pictures -----------------------------------------------------------------
 

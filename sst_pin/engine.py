@@ -267,32 +267,73 @@ class Engine:
     ) -> Reactions:
         """Wrenches in all joints and closures; `out` gets those of joints, then of closures."""
         out = options.pop("out", None)
+        of_sample: Callable[..., Array] = self.reference.reactions
+        if axes is not None:
+            of_sample = partial(of_sample, axes=axes_of(axes))
+        shape = (size_of(self.mechanism),)
+        kernel_exists = stiffness is None and axes is None
+        rows = self._reaction_rows(
+            of_sample, shape, kernel_exists, q, va, aa, tau, stiffness, **options
+        )
+        return unpacked(self.mechanism, rows, stiffness is not None, out)
+
+    def unique_forces(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike | None,
+        tau: ArrayLike | None,
+        stiffness: Mapping[str, ArrayLike] | None,
+        **options: Unpack[LoadOptions],
+    ) -> tuple[Array, Array]:
+        """The unique parts of the forces of `reactions`, shape (..., r + closures, 3).
+
+        The second result is the number of directions along which a force is not unique, shape
+        (..., r + closures).
+        """
+        count = self.mechanism.model.njoints - 1 + len(self.mechanism.closures)
+        of_sample = self.reference.unique_forces
+        rows = self._reaction_rows(
+            of_sample, (4 * count,), False, q, va, aa, tau, stiffness, **options
+        )
+        table = rows.reshape(*rows.shape[:-1], count, 4)
+        return table[..., :3], table[..., 3]
+
+    def _reaction_rows(
+        self,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, ...],
+        kernel_exists: bool,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike | None,
+        tau: ArrayLike | None,
+        stiffness: Mapping[str, ArrayLike] | None,
+        **options: Unpack[LoadOptions],
+    ) -> Array:
+        """Results of `of_sample(q, va, aa, tau, wrenches, compliances)`; one of aa, tau is None."""
         if (aa is None) == (tau is None):
             raise InputError("aa, tau", "one of them is needed, not both")
         if aa is None:
             assert tau is not None
             aa = self.accelerations(q, va, tau, **options)
-        of_sample: Callable[..., Array] = self.reference.reactions
         if stiffness is not None:
             compliances = compliances_of(self.mechanism, stiffness)
             of_sample = partial(of_sample, compliances=compliances)
-        if axes is not None:
-            of_sample = partial(of_sample, axes=axes_of(axes))
         vectors = {"va": va, "aa": aa}
         if self.mechanism.driven_one_to_one:
             of_sample = _without_torques(of_sample)  # the torques follow from the accelerations
         else:
             vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
-        rows = self._loaded(
+        return self._loaded(
             _key("reactions"),
             of_sample,
-            (size_of(self.mechanism),),
+            shape,
             q,
             vectors,
-            kernel_exists=stiffness is None and axes is None,
+            kernel_exists=kernel_exists,
             **options,
         )
-        return unpacked(self.mechanism, rows, stiffness is not None, out)
 
     # --- derivatives ------------------------------------------------------------------------
 

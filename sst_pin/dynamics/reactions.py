@@ -148,6 +148,24 @@ def size_of(mechanism: Mechanism) -> int:
     return 6 * wrenches + 6 + mechanism.motor_count + codes
 
 
+class _RigidWrenches(NamedTuple):
+    """Wrenches [force; moment] in joints and closures, in their own axes, and what changes them.
+
+    Attributes:
+        values: Shape (r + closures, 6).
+        stresses: The wrenches of the inner stresses of the rigid robot, (r + closures, 6, k).
+        free_stresses: Those inner stresses that compliances do not determine, in the last axis.
+        ground: Wrench of the ground on the robot, shape (6,).
+        tau: Motor torques, shape (motors,).
+    """
+
+    values: Array
+    stresses: Array
+    free_stresses: Array
+    ground: Array
+    tau: Array
+
+
 def reactions(
     context: Context,
     q: Array,
@@ -165,6 +183,61 @@ def reactions(
     columns, shape (3, 3), or None. There is a code for each joint and closure: the sum of 2^k of
     its components k that are not unique. Those that compliances do not determine are NaN.
     """
+    w = _rigid_wrenches(context, q, va, aa, tau, wrenches, compliances)
+    values = w.values
+    stresses = w.stresses
+    free_stresses = w.free_stresses
+    if axes is not None:
+        turns = _turns(context, axes)
+        values = (turns @ values[..., None])[..., 0]
+        stresses = turns @ stresses
+        free_stresses = turns @ free_stresses
+
+    # A component is unique if no inner stress changes it. In a stress of unit size, moments are of
+    # the order 1, and forces of the order 1 / length.
+    sizes = np.repeat([context.mechanism.length, 1.0], 3)
+    not_unique = np.linalg.norm(stresses, axis=-1) * sizes > UNIQUE
+    if compliances is not None:
+        undetermined = np.linalg.norm(free_stresses, axis=-1) * sizes > UNIQUE
+        values[undetermined] = np.nan
+    codes = not_unique @ BITS
+    return np.concatenate([values.ravel(), w.ground, w.tau, codes])
+
+
+def unique_forces(
+    context: Context,
+    q: Array,
+    va: Array,
+    aa: Array,
+    tau: Array | None,
+    wrenches: Array | None,
+    compliances: Array | None,
+) -> Array:
+    """The unique parts of the forces in joints and closures, shape (r + closures, 4), flat.
+
+    Inner stresses change the force in a joint along some directions. Its part normal to them is
+    unique, whatever the axes are. The last column is the number of the directions.
+    """
+    w = _rigid_wrenches(context, q, va, aa, tau, wrenches, compliances)
+    rows = []
+    for force, changes in zip(w.values[:, :3], w.free_stresses[:, :3], strict=True):
+        U, s, _ = np.linalg.svd(changes * context.mechanism.length)  # free of units
+        directions = U[:, : np.count_nonzero(s > UNIQUE)]
+        unique = force - directions @ (directions.T @ force)
+        rows.append([*unique, directions.shape[1]])
+    return np.ravel(rows)
+
+
+def _rigid_wrenches(
+    context: Context,
+    q: Array,
+    va: Array,
+    aa: Array,
+    tau: Array | None,
+    wrenches: Array | None,
+    compliances: Array | None,
+) -> _RigidWrenches:
+    """Wrenches for one choice of the multipliers, or with the least elastic energy."""
     mechanism = context.mechanism
     tree = context.tree
     data = context.data
@@ -204,24 +277,10 @@ def reactions(
     columns[: len(without_closures), :, 0] += without_closures
     values = columns[..., 0]
     stresses = columns[..., 1:]
-    rigid_stresses = stresses
+    free_stresses = stresses
     if compliances is not None:
-        values, rigid_stresses = _relaxed(values, stresses, compliances)
-    if axes is not None:
-        turns = _turns(context, axes)
-        values = (turns @ values[..., None])[..., 0]
-        stresses = turns @ stresses
-        rigid_stresses = turns @ rigid_stresses
-
-    # A component is unique if no inner stress changes it. In a stress of unit size, moments are of
-    # the order 1, and forces of the order 1 / length.
-    sizes = np.repeat([mechanism.length, 1.0], 3)
-    not_unique = np.linalg.norm(stresses, axis=-1) * sizes > UNIQUE
-    if compliances is not None:
-        undetermined = np.linalg.norm(rigid_stresses, axis=-1) * sizes > UNIQUE
-        values[undetermined] = np.nan
-    codes = not_unique @ BITS
-    return np.concatenate([values.ravel(), ground, tau, codes])
+        values, free_stresses = _relaxed(values, stresses, compliances)
+    return _RigidWrenches(values, stresses, free_stresses, ground, tau)
 
 
 def _multipliers(context: Context, needed: Array) -> Array:

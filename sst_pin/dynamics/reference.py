@@ -191,6 +191,19 @@ class Reference(threading.local):
         return row
 
     @_finite
+    def unique_forces(
+        self,
+        q: Array,
+        va: Array,
+        aa: Array,
+        tau: Array | None,
+        wrenches: Array | None,
+        compliances: Array | None = None,
+    ) -> Array:
+        """Unique parts of the forces in joints and closures, and what they lack, flat."""
+        return reactions.unique_forces(self.context, q, va, aa, tau, wrenches, compliances)
+
+    @_finite
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""
         return self.L(q).dot(va)  # Eq. (16)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..dynamics.reactions import Reactions
 from ..engine import Engine
 from ..errors import InputError, MissingExtraError
 from ..files import as_path, text_writer, write_files
@@ -39,8 +38,8 @@ class Load(NamedTuple):
         kind: "force" [N] or "moment" [N m].
         peak: Largest magnitude of the unique components; NaN if there are none.
         time: Time of the peak, [s]; NaN without a peak.
-        x: First component of the direction at the peak, a unit vector in the axes of the wrench;
-            NaN if it is not unique.
+        x: First component of the direction at the peak, a unit vector in the axes of the wrench, or
+            in `axes`; NaN if it is not unique.
         y: Second component.
         z: Third component.
         rms: Root mean square of the magnitude over time, by the trapezoidal rule.
@@ -121,22 +120,24 @@ def _described(row: Load, unit: str) -> str:
     return text
 
 
-def reactions_along(
-    engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
-) -> Reactions:
-    """Reactions along a motion under its torques and gravity; other loads are an error."""
+def require_no_other_loads(engine: Engine, motion: Trajectory) -> None:
+    """Raise an error if other forces than its torques and the weights act in a motion."""
     require_motion(motion, engine.mechanism)
-    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness)
     aa = engine.accelerations(motion.q, motion.va, motion.tau)
     largest = np.abs(motion.aa).max(initial=0.0)
     if np.abs(aa - motion.aa).max(initial=0.0) > _DIFFERENCE * (1 + largest):
         raise InputError("motion", "other forces than its torques and the weights act on it")
-    return w
 
 
-def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None) -> Loads:
+def loads(
+    engine: Engine,
+    motion: Trajectory,
+    stiffness: Mapping[str, ArrayLike] | None,
+    axes: ArrayLike | None,
+) -> Loads:
     """Loads along a motion under its torques and the weights."""
-    w = reactions_along(engine, motion, stiffness)
+    require_no_other_loads(engine, motion)
+    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
     wrenches = _without_noise(
         np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
     )

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, positive_number, single_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
-from ..dynamics.reactions import Reactions
 from ..engine import require_robot
 from ..errors import (
     ActuationError,
@@ -31,7 +30,7 @@ from ..errors import (
     SingularConfigurationError,
 )
 from ..files import Writer, as_path, require_ending, write_files
-from ..simulation.bearing_loads import reactions_along
+from ..simulation.bearing_loads import require_no_other_loads
 from ..simulation.nonsmooth_rollout import NOT_REACHED, NonsmoothRollout
 from ..simulation.trajectories import Trajectory, require_motion, trajectory_of
 from ..summaries import listed
@@ -84,8 +83,9 @@ class Viewer:
         frames: Whether the frames of the closures are shown at first, {0k}..{3k}, {E} of an `SST`.
         frame: Name of the frame whose path is drawn; by default E of an `SST` and `platform` of
             other robots, if they have it.
-        reactions: Whether arrows show the unique forces in joints and closures: of the parent on
-            the child, of A on B. Stiffnesses, as in `ClosedChain.reactions`, make others unique.
+        reactions: Whether arrows show the forces in joints and closures: of the parent on the
+            child, of A on B; of a force that is not unique its unique part, such as that in the
+            plane of a planar robot. Stiffnesses, as in `ClosedChain.reactions`, make others unique.
         live: Whether the page also computes: sliders, dragging, simulation. Arrows of reactions
             are then only in motions.
 
@@ -155,16 +155,7 @@ class Viewer:
         reactions = _NO_REACTIONS
         if self._with_reactions:
             accelerations = zero_rates if tau is None else None
-            reactions = self._reactions(
-                partial(
-                    self._robot.reactions,
-                    q,
-                    zero_rates,
-                    accelerations,
-                    tau=tau,
-                    stiffness=self._stiffness,
-                )
-            )
+            reactions = self._reactions(q, zero_rates, accelerations, tau)
             curves = reactions.curves + curves
         no_contacts = np.zeros((1, 3 * len(self._scene.touches)))
         effort = self._effort(torque_shares, reactions, no_contacts)
@@ -244,10 +235,8 @@ class Viewer:
         else:
             curves = curves_of(self._robot, shown)
             if self._with_reactions:
-                engine = self._robot.engine
-                reactions = self._reactions(
-                    partial(reactions_along, engine, shown, self._stiffness)
-                )
+                require_no_other_loads(self._robot.engine, shown)
+                reactions = self._reactions(shown.q, shown.va, None, shown.tau)
                 curves += reactions.curves
                 note = reactions.note
         effort = self._effort(self._torque_shares(shown.tau), reactions, contact_shares)
@@ -458,23 +447,30 @@ class Viewer:
         )
         return shares.reshape(len(forces), -1), note
 
-    def _reactions(self, compute: Callable[[], Reactions]) -> _ReactionArrows:
+    def _reactions(
+        self, q: Array, va: Array, aa: Array | None, tau: Array | None
+    ) -> _ReactionArrows:
         """Unique forces in joints and closures as shares of the largest, with curves and a note.
 
         Where the reactions are not defined, there are no arrows, and the note says why.
         """
+        engine = self._robot.engine
         try:
-            w = compute()
+            w = engine.reactions(q, va, aa, tau, self._stiffness)
+            forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
+            is_unknown = np.isnan(forces).any(axis=0)  # components of each force
+            directions = np.zeros(len(w.names))
+            if is_unknown.any():
+                # In a planar robot these are the forces in its plane.
+                forces, counts = engine.unique_forces(q, va, aa, tau, self._stiffness)
+                directions = counts.max(axis=0)
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
             return _ReactionArrows(None, [], f"No reactions: {error}")
-        forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
-        # A component is drawn if it is unique in all samples. In a planar robot these are the
-        # forces in its plane.
-        is_unknown = np.isnan(forces).any(axis=0)
-        forces = np.where(is_unknown, 0.0, forces)
+        # A force is drawn if a part of it is unique in all samples.
+        is_drawn = directions < 3
+        forces = np.where(is_drawn[:, None], forces, 0.0)
         largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
 
-        is_drawn = ~is_unknown.all(axis=1)
         curves = []
         notes = []
         if is_drawn.any():
@@ -486,10 +482,14 @@ class Viewer:
         not_unique = []
         for k, name in enumerate(w.names):
             letters = [letter for letter, x in zip("xyz", is_unknown[k], strict=True) if x]
-            if len(letters) == 3:
+            if not is_drawn[k]:
                 not_unique.append(name)
-            elif letters:
+            elif directions[k] == len(letters) > 0:
                 not_unique.append(f"{name} ({', '.join(letters)})")
+            elif directions[k] == 1:
+                not_unique.append(f"{name} (along one direction)")
+            elif directions[k] == 2:
+                not_unique.append(f"{name} (along two directions)")
         if not_unique:
             notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
         return _ReactionArrows(forces / largest, curves, " ".join(notes))

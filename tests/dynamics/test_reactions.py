@@ -15,6 +15,7 @@ from tests.data import PUBLISHED
 from tests.gallery import EVERY_ROBOT, andrews
 from tests.support import any_chain
 from tests.support.by_hand import add, at, in_units, mark
+from tests.support.oblique import with_oblique_axes
 
 
 def random_state(chain, seed):
@@ -313,27 +314,6 @@ def test_units_change_no_reaction():
             assert part == pytest.approx(wanted, abs=1e-10 * largest, nan_ok=True)
 
 
-def with_oblique_axes(chain, seed):
-    """The same planar robot, with axes of its joints and closures that point anywhere."""
-    random = np.random.default_rng(seed)
-    old, new = chain.model, pin.Model()
-    turns = [pin.SE3.Identity()]
-    for j in range(1, old.njoints):
-        quaternion = random.normal(size=4)
-        quaternion /= np.linalg.norm(quaternion)
-        turns.append(pin.SE3(pin.Quaternion(*quaternion).matrix(), np.zeros(3)))
-        parent, turn = old.parents[j], turns[j]
-        axis = turn.rotation.T @ [0, 0, 1]  # all hinges turn about z
-        place = turns[parent].inverse() * old.jointPlacements[j] * turn
-        new.addJoint(parent, pin.JointModelRevoluteUnaligned(axis), place, old.names[j])
-        new.appendBodyToJoint(j, turn.actInv(old.inertias[j]), pin.SE3.Identity())
-    for k, name in enumerate(["coupler_pin", "rocker_pin"]):
-        frame = old.frames[old.getFrameId(name)]
-        place = turns[frame.parentJoint].inverse() * frame.placement * turns[1 + k]
-        new.addFrame(pin.Frame(name, frame.parentJoint, place, pin.FrameType.OP_FRAME))
-    return sst_pin.ClosedChain(new, chain.closures, ["crank"])
-
-
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_forces_in_the_plane_are_unique_in_axes_along_the_plane(compiled):
     """They are those of the robot whose own axes are along its plane."""
@@ -358,6 +338,47 @@ def test_forces_in_the_plane_are_unique_in_axes_along_the_plane(compiled):
     )
     assert w.determined.joints[:, :2].all()
     assert not w.determined.joints[:, 2].any()
+
+
+def test_the_unique_part_of_a_force_is_the_one_that_no_inner_stress_changes():
+    """A plate on three parallel bars, in axes that are along nothing.
+
+    Forces along the bars are shared. Across a bar, the balance of moments about its lower hinge
+    gives half the weight of the bar to its upper end.
+    """
+    mass, lean, tilt, length = 2.0, 0.4, 0.3, 0.5
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    turn = pin.SE3(pin.exp3(np.array([0, 0, tilt])), np.zeros(3))
+    bar = turn.inverse().act(np.array([0.0, length, 0.0]))  # in its own axes, upright at q = 0
+    plate, closures = 0, []
+    for k in range(3):
+        foot = pin.SE3(np.eye(3), np.array([0.2 * k, 0, 0])) * turn
+        joint = model.addJoint(plate and 0, pin.JointModelRZ(), foot, f"bar_{k}")
+        inertia = pin.Inertia(mass, bar / 2, 0.01 * np.eye(3))
+        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+        if k == 0:
+            plate = model.addJoint(joint, pin.JointModelRZ(), pin.SE3(np.eye(3), bar), "plate")
+            model.appendBodyToJoint(plate, pin.Inertia(3.0, np.zeros(3), 0.01 * np.eye(3)), turn)
+        else:
+            on_plate = turn.inverse().act(np.array([0.2 * k, 0, 0]))
+            for name, body, point in ((f"top_{k}", joint, bar), (f"hole_{k}", plate, on_plate)):
+                place = pin.SE3(np.eye(3), point)
+                model.addFrame(pin.Frame(name, body, place, pin.FrameType.OP_FRAME))
+            closures.append(sst_pin.Closure(f"hole_{k}", f"top_{k}", "3d"))
+    chain = sst_pin.ClosedChain(model, closures, ["bar_0"])
+    angles = {"bar_0": lean, "plate": -lean, "bar_1": lean, "bar_2": lean}
+    q = np.array([angles[name] for name in chain.joint_names])
+    w = chain.reactions(q)
+    assert np.isnan(w.closures[:, :3]).all()
+    forces, counts = chain.engine.unique_forces(q, [0], [0], None, None)
+    assert (counts[-2:] == 2).all()  # along the bar, and across the plane
+    # In axes of the base: bars lean to -x, and the plate carries half of each bar.
+    across = np.array([np.cos(lean), np.sin(lean), 0])
+    expected = (across @ [0, mass * 9.81 / 2, 0]) * across
+    R = pin.exp3(np.array([0, 0, tilt + lean]))  # frames `top` are on their bars
+    for force in forces[-2:]:
+        assert R @ force == pytest.approx(expected, abs=1e-9)
 
 
 def test_axes_of_reactions_turn_the_wrenches_that_stiffnesses_share():

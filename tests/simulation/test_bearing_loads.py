@@ -2,10 +2,12 @@
 """Loads of joints and closures along a motion."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import sst_pin
 from sst_pin import robots
+from tests.support.oblique import with_oblique_axes
 
 DELTA = robots.delta()
 
@@ -56,6 +58,28 @@ def test_what_is_not_unique_is_no_number_in_the_table():
     assert "not unique; see stiffness=" in repr(doubled.loads(swing))
     soft = dict.fromkeys((*chain.joint_names, str(chain.closures[0])), np.ones(6))
     assert all(np.isfinite(row.peak) for row in chain.loads(swing, stiffness=soft).rows)
+
+
+def test_loads_in_axes_along_the_plane_are_those_of_a_robot_with_such_axes():
+    """The own axes of the joints are oblique to the plane, so that nothing there is unique."""
+    aligned = robots.four_bar()
+    oblique = with_oblique_axes(aligned, 3)
+    t = np.linspace(0, 0.1, 11)
+    swing = aligned.simulate([0], aligned.home, [0], t)
+    same = oblique.trajectory(t, swing.q, swing.va, swing.aa, swing.tau)
+    data = aligned.model.createData()
+    pin.forwardKinematics(aligned.model, data, aligned.home)
+    R = data.oMi[1].rotation  # its z axis is the normal of the plane
+    rows = oblique.loads(same, axes=R).rows
+    assert all(not r.components for r in oblique.loads(same).rows if r.kind == "force")
+    for row, expected in zip(rows, aligned.loads(swing, axes=R).rows, strict=True):
+        assert row.components == expected.components
+        assert row.peak == pytest.approx(expected.peak, rel=1e-9, nan_ok=True)
+        assert row[4:7] == pytest.approx(expected[4:7], abs=1e-9, nan_ok=True)
+        if row.kind == "force":
+            assert row.components == "xy"
+    with pytest.raises(sst_pin.InputError, match="not orthonormal"):
+        oblique.loads(same, axes=2 * R)
 
 
 def test_the_table_has_no_noise():

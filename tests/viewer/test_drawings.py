@@ -12,6 +12,7 @@ from sst_pin.viewer import Viewer
 from sst_pin.viewer.robot_scene import Scene
 from sst_pin.viewer.sketch import contact_forces_of, pulls_of
 from tests.gallery.touching import block_on_slope, frame, tree
+from tests.support.oblique import with_oblique_axes
 
 FOOT = np.array((0.3, 0.0, -0.4))
 
@@ -63,6 +64,28 @@ def test_unique_forces_of_a_planar_robot_are_drawn_and_the_others_named():
         assert "Dark arrows" in viewer.html
         assert viewer._panel["layers"]["reactions"]
     assert "reactions" not in Viewer(robot)._panel["layers"]
+
+
+def test_forces_in_the_plane_are_drawn_whatever_the_axes_of_the_joints_are():
+    """The arrows are those of the robot whose own axes are along its plane."""
+    aligned = robots.four_bar()
+    swing = aligned.simulate([0], aligned.home, [0], np.linspace(0, 0.1, 5))
+    arrows = []
+    for robot in (aligned, with_oblique_axes(aligned, 3)):
+        motion = robot.trajectory(swing.t, swing.q, swing.va, swing.aa, swing.tau)
+        viewer = Viewer(robot, reactions=True)
+        placed = _placed_during(viewer, motion)
+        data = robot.model.createData()
+        pin.forwardKinematics(robot.model, data, motion.q[-1])
+        of_robot = []
+        for pull in pulls_of(robot, viewer._scene.size):
+            at = data.oMi[int(pull.shape.mover)].homogeneous
+            matrix = at @ placed[-1][f"robot/{pull.shape.node}"] / viewer._scene.size
+            of_robot.append(matrix[:3, 2])  # the arrow
+        arrows.append(of_robot)
+    assert np.linalg.norm(arrows[0], axis=1).max() > 0.1
+    assert np.array(arrows[1]) == pytest.approx(np.array(arrows[0]), abs=1e-9)
+    assert "crank (along one direction)" in viewer.html
 
 
 def _placed_during(viewer, motion):
