@@ -4,10 +4,11 @@
 from .base_parameters import BaseParameters, base_parameters, random_states
 from .calibration import Calibration, calibrate, calibrate_with
 from .consistency import consistent_parameters
-from .estimation import Estimate, estimate, predicted_torques, report
+from .estimation import Estimate, estimate
 from .excitation import condition_number, excitation
 from .geometry_measurements import Distances, Heights, Poses
 from .measurements import MeasuredMotion, measured_motion
+from .prediction import predicted_torques, report
 from .urdf_numbers import write_urdf
 
 __all__ = [

@@ -3,13 +3,21 @@
 
 A body can have ten parameters if its pseudo-inertia is positive definite (P. M. Wensing, S. Kim,
 J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The pseudo-inertia is linear in them, so that the nearest
-parameters are the solution of a semi-definite programme:
+parameters are the solution of a semi-definite programme.
 
-    minimise |R (x - best)|^2    so that    G x - g lies in a product of cones.
+The unknowns x are parameters in units u: theta = u x. The estimate gives the combinations B theta =
+b with the covariance S S^T. The prior is the robot's own parameters x_0 with the weights P^2. So
+the function to minimise is
 
-x are the unknown parameters in suitable units. The first term is the estimate, with the weights of
-its covariance, and the prior, both as one triangular R with the solution `best` if there were no
-constraints.
+    |S^-1 (B u x - b)|^2 + |P (x - x_0)|^2.
+
+With the rows [S^-1 B u; P] = Q R it is |R (x - x_best)|^2 and a constant. Here x_best is the
+minimum without constraints,
+
+    x_best = x_0 + R^-1 Q^T [S^-1 (b - B u x_0); 0].
+
+The constraints are that G x - g lies in a product of cones. With y = R (x - x_best), the programme
+is to find the shortest y for which G R^-1 y + (G x_best - g) lies in the cones.
 """
 
 from typing import Any, NamedTuple
@@ -18,22 +26,18 @@ import numpy as np
 
 from ..arrays import Array, Indices, positive_number
 from ..closed_chain import ClosedChain
-from ..dynamics.regressor import DynamicParameters
+from ..dynamics.regressor import OF_BODY, DynamicParameters
 from ..engine import require_robot
 from ..errors import InputError, MissingExtraError
 from .estimation import Estimate, require_estimate
 
 #: Least eigenvalue of a pseudo-inertia in units of the body's mass and the robot's length.
-_LEAST = 1e-5
-#: Root of the prior's weight for parameters that are not of bodies, in their deviations.
+_LEAST_EIGENVALUE = 1e-5
+#: Entries of P for parameters that are not of bodies. These parameters are in units of their
+#: standard deviations, so that the prior is weak.
 _WEAK = 1e-6
-#: Parameters that are not negative.
-_POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
-#: Upper triangle of a 4 x 4 matrix, column by column, as the solver expects it: the lower one, row
-#: by row, with rows and columns exchanged.
-_COLUMNS, _ROWS = np.tril_indices(4)
-#: Factors of the entries with which the triangle has the same norm as the symmetric matrix.
-_FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
+#: Ends of the names of parameters that are not negative.
+_NOT_NEGATIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
 
 
 def consistent_parameters(
@@ -79,20 +83,20 @@ def consistent_parameters(
     from scipy.linalg import solve_triangular
 
     require_estimate(chain, found)
-    weight = float(np.sqrt(positive_number("prior", prior)))
+    weight = positive_number("prior", prior)
     unknowns = _unknowns(chain, found)
-    fit = _least_squares(chain, found, unknowns, weight)
-    constraints = _constraints(chain, unknowns, total_mass)
-
-    # With x = best + R^-1 y, the shortest y is the nearest solution.
-    reach = np.linalg.solve(fit.R.T, constraints.G.T).T
-    y, status = _shortest(reach, constraints.G @ fit.best - constraints.g, constraints.cones)
-    x = fit.best + solve_triangular(fit.R, y)
+    objective = _objective(chain, found, unknowns, weight)
+    R = objective.R
+    x_best = objective.x_best
+    constraints = _constraints(unknowns, total_mass)
+    G_over_R = np.linalg.solve(R.T, constraints.G.T).T  # G R^-1
+    y, status = _shortest(G_over_R, constraints.G @ x_best - constraints.g, constraints.cones)
+    x = x_best + solve_triangular(R, y)
     _require_bodies(x[: 10 * unknowns.bodies.size].reshape(-1, 10), status)
     theta = np.array(chain.dynamic_parameters)
-    theta[unknowns.columns] = x * fit.units
+    theta[unknowns.columns] = x * objective.units
     # The solver may violate the constraints by its tolerance.
-    theta[unknowns.positive] = np.maximum(theta[unknowns.positive], 0)
+    theta[unknowns.not_negative] = np.maximum(theta[unknowns.not_negative], 0)
     return DynamicParameters(chain.dynamic_parameters.names, theta)
 
 
@@ -106,7 +110,7 @@ class _Unknowns(NamedTuple):
     #: Indices of the other unknowns in the dynamic parameters.
     others: Indices
     #: Those of the others that must not be negative.
-    positive: Indices
+    not_negative: Indices
     #: Indices of all unknowns in the dynamic parameters.
     columns: Indices
 
@@ -122,106 +126,131 @@ def _unknowns(chain: ClosedChain, found: Estimate) -> _Unknowns:
     body_is_considered = is_considered[:end_of_bodies].reshape(-1, 10).any(axis=1)
     bodies = np.flatnonzero(body_is_considered & (masses > 0))
     others = np.flatnonzero(is_considered[end_of_bodies:]) + end_of_bodies
-    positive = [k for k in others if names[k].endswith(_POSITIVE)]
+    not_negative = [k for k in others if names[k].endswith(_NOT_NEGATIVE)]
     parameters_of_bodies = 10 * bodies[:, None] + np.arange(10)
     return _Unknowns(
         bodies=bodies,
         masses=masses,
         others=others,
-        positive=np.array(positive, dtype=np.intp),
+        not_negative=np.array(not_negative, dtype=np.intp),
         columns=np.concatenate([parameters_of_bodies.ravel(), others]),
     )
 
 
-class _LeastSquares(NamedTuple):
-    """The term |R (x - best)|^2 that is minimised."""
+class _Objective(NamedTuple):
+    """The function |R (x - x_best)|^2 of the k unknowns x that is minimised."""
 
-    #: Units of the unknowns x, shape (k,).
+    #: Units u of the unknowns, shape (k,).
     units: Array
     #: Upper triangular, shape (k, k).
     R: Array
     #: Shape (k,).
-    best: Array
+    x_best: Array
 
 
-def _least_squares(
+def _objective(
     chain: ClosedChain, found: Estimate, unknowns: _Unknowns, weight: float
-) -> _LeastSquares:
-    """The estimate and the prior as one triangular system.
-
-    `weight` is the root of the prior's weight for parameters of bodies.
-    """
+) -> _Objective:
+    """The estimate and the prior, whose weight for parameters of bodies is given."""
     from scipy.linalg import solve_triangular
 
-    # The estimate: rows theta = values, in units of their standard deviations.
     try:
-        root = np.linalg.cholesky(found.covariance)
+        S = np.linalg.cholesky(found.covariance)
     except np.linalg.LinAlgError:
         problem = "its combinations cannot be distinguished; base_parameters(motion=) finds others"
         raise InputError("found", problem) from None
-    rows = solve_triangular(root, found.base.matrix, lower=True)
-    # Deviations from the prior keep their digits beside values that are known a million times
+    S_inverse_B = solve_triangular(S, found.base.matrix, lower=True)
+    theta_0 = np.asarray(chain.dynamic_parameters)
+    # Differences from the prior keep their digits beside values that are known a million times
     # better.
-    prior = np.asarray(chain.dynamic_parameters)
-    deviations = solve_triangular(root, found.values - found.base.matrix @ prior, lower=True)
+    differences = solve_triangular(S, found.values - found.base.matrix @ theta_0, lower=True)
 
-    # Units: masses of bodies and the length of the robot; for others, their deviations alone.
+    # Units of a body: its mass m times powers of the robot's length l. Units of other parameters:
+    # their standard deviations if all other parameters were known.
     powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     units_of_bodies = np.outer(unknowns.masses[unknowns.bodies], powers_of_length).ravel()
-    sizes = np.linalg.norm(rows[:, unknowns.others], axis=0)
+    sizes = np.linalg.norm(S_inverse_B[:, unknowns.others], axis=0)
     units = np.concatenate([units_of_bodies, 1 / np.maximum(sizes, 1e-9)])
 
-    # The prior: x is the chain's parameters, with the weights of bodies or a weak one.
-    weights = np.full(units.size, _WEAK)
-    weights[: units_of_bodies.size] = weight
-    Q, R = np.linalg.qr(np.vstack([rows[:, unknowns.columns] * units, np.diag(weights)]))
-    change = solve_triangular(R, Q[: deviations.size].T @ deviations)
-    return _LeastSquares(units, R, prior[unknowns.columns] / units + change)
+    P = np.full(units.size, _WEAK)
+    P[: units_of_bodies.size] = np.sqrt(weight)
+    rows_of_estimate = S_inverse_B[:, unknowns.columns] * units
+    Q, R = np.linalg.qr(np.vstack([rows_of_estimate, np.diag(P)]))
+    change = solve_triangular(R, Q[: differences.size].T @ differences)
+    return _Objective(units, R, theta_0[unknowns.columns] / units + change)
 
 
 class _Constraints(NamedTuple):
-    """G x - g lies in the product of some cones of the solver."""
+    """G x - g lies in the product of some cones of the solver, which take the rows in order."""
 
     G: Array
     g: Array
     cones: list[Any]
 
 
-def _constraints(chain: ClosedChain, unknowns: _Unknowns, total_mass: float | None) -> _Constraints:
-    """Total mass, positive definite pseudo-inertias, and parameters that are not negative."""
-    import clarabel
-    from scipy.linalg import block_diag
-
-    count = unknowns.bodies.size
-    masses = unknowns.masses
-    G = list[Array]()
-    g = list[Array]()
-    cones = list[Any]()
-
-    # The sum of the masses is known.
+def _constraints(unknowns: _Unknowns, total_mass: float | None) -> _Constraints:
+    """All constraints on the unknowns."""
+    parts = [_pseudo_inertia_constraints(unknowns), _sign_constraints(unknowns)]
     if total_mass is not None:
-        fixed = np.delete(masses, unknowns.bodies).sum()
-        mass_of_bodies = positive_number("total_mass", total_mass) - fixed
-        if mass_of_bodies <= 0 or not count:
-            raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
-        # The mass is the first of ten parameters, in units of the body's mass.
-        row = np.kron(masses[unknowns.bodies], np.eye(10)[0])
-        G.append(np.append(row, np.zeros(unknowns.others.size))[None])
-        g.append(np.array([mass_of_bodies]))
-        cones.append(clarabel.ZeroConeT(1))
+        parts.insert(0, _mass_constraint(unknowns, positive_number("total_mass", total_mass)))
+    cones = []
+    for part in parts:
+        cones += part.cones
+    return _Constraints(
+        G=np.vstack([part.G for part in parts]),
+        g=np.concatenate([part.g for part in parts]),
+        cones=cones,
+    )
 
-    # Each pseudo-inertia, minus the least one, is positive semidefinite. The solver expects the
-    # upper triangle.
-    triangle_by_parameters = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
-    least = np.where(_ROWS == _COLUMNS, _LEAST, 0.0)
-    # Parameters of friction, rotors and springs are not negative.
-    is_positive = np.isin(unknowns.others, unknowns.positive)
-    rows_of_positive = np.eye(unknowns.others.size)[is_positive]
-    G.append(block_diag(*[triangle_by_parameters] * count, rows_of_positive))
-    g.append(np.append(np.tile(least, count), np.zeros(unknowns.positive.size)))
-    cones += [clarabel.PSDTriangleConeT(4) for _ in range(count)]
-    cones.append(clarabel.NonnegativeConeT(unknowns.positive.size))
-    return _Constraints(np.vstack(G), np.concatenate(g), cones)
+
+def _mass_constraint(unknowns: _Unknowns, total_mass: float) -> _Constraints:
+    """The sum of the masses of all bodies is known, [kg]."""
+    import clarabel
+
+    fixed = np.delete(unknowns.masses, unknowns.bodies).sum()
+    mass_of_unknowns = total_mass - fixed
+    if mass_of_unknowns <= 0 or not unknowns.bodies.size:
+        raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
+    row = np.zeros(unknowns.columns.size)
+    # The unknown mass of a body is in units of the mass in the prior.
+    for k, body in enumerate(unknowns.bodies):
+        row[10 * k + OF_BODY.index("mass")] = unknowns.masses[body]
+    return _Constraints(row[None], np.array([mass_of_unknowns]), [clarabel.ZeroConeT(1)])
+
+
+def _pseudo_inertia_constraints(unknowns: _Unknowns) -> _Constraints:
+    """The pseudo-inertia of each body, minus the least one, is positive semidefinite.
+
+    The solver expects the ten entries of the upper triangle of a symmetric 4 x 4 matrix, column by
+    column. Entries beside the diagonal are multiplied by sqrt(2), so that the norm of this vector
+    is the norm of the matrix.
+    """
+    import clarabel
+
+    # The upper triangle column by column is the lower one row by row.
+    column, row = np.tril_indices(4)
+    is_diagonal = row == column
+    factors = np.where(is_diagonal, 1.0, np.sqrt(2.0))
+    # Pseudo-inertias are linear: those of the ten unit vectors are the columns of a matrix.
+    triangle_by_parameters = (pseudo_inertias(np.eye(10))[:, row, column] * factors).T
+    least_triangle = np.where(is_diagonal, _LEAST_EIGENVALUE, 0.0)
+
+    bodies = unknowns.bodies.size
+    G = np.zeros((10 * bodies, unknowns.columns.size))
+    for k in range(bodies):
+        ten = slice(10 * k, 10 * k + 10)
+        G[ten, ten] = triangle_by_parameters
+    cones = [clarabel.PSDTriangleConeT(4) for _ in range(bodies)]
+    return _Constraints(G, np.tile(least_triangle, bodies), cones)
+
+
+def _sign_constraints(unknowns: _Unknowns) -> _Constraints:
+    """Parameters of friction, rotors and springs are not negative."""
+    import clarabel
+
+    rows_of_all = np.eye(unknowns.columns.size)
+    G = rows_of_all[np.isin(unknowns.columns, unknowns.not_negative)]
+    return _Constraints(G, np.zeros(len(G)), [clarabel.NonnegativeConeT(len(G))])
 
 
 def _require_bodies(ten: Array, status: str) -> None:
@@ -231,8 +260,8 @@ def _require_bodies(ten: Array, status: str) -> None:
         raise InputError("found", f"no bodies were found near it: {status}; a larger prior helps")
 
 
-def _shortest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
-    """The shortest y with `reach` y + `room` in the cones, and the status of the solver."""
+def _shortest(A: Array, b: Array, cones: list[Any]) -> tuple[Array, str]:
+    """The shortest y for which A y + b lies in the cones, and the status of the solver."""
     import clarabel
     from scipy.sparse import csc_matrix, eye
 
@@ -242,11 +271,13 @@ def _shortest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
     # Where the prior alone decides, its small weight needs a small gap.
     settings.tol_gap_abs = 1e-12
     settings.tol_gap_rel = 1e-12
-    n = reach.shape[1]
-    problem = (eye(n, format="csc"), np.zeros(n), csc_matrix(-reach), room)
+    # The solver minimises y^T y / 2 so that s lies in the cones, with -A y + s = b.
+    identity = eye(A.shape[1], format="csc")
+    zero = np.zeros(A.shape[1])
     for scaled in (True, False):  # scaling can spoil well-known values beside poorly known ones
         settings.equilibrate_enable = scaled
-        solution = clarabel.DefaultSolver(*problem, cones, settings).solve()
+        solver = clarabel.DefaultSolver(identity, zero, csc_matrix(-A), b, cones, settings)
+        solution = solver.solve()
         if str(solution.status) == "Solved":
             break
     return np.array(solution.x), str(solution.status)
@@ -259,6 +290,11 @@ def pseudo_inertias(ten: Array) -> Array:
     moments of inertia I about the origin.
     """
     m, x, y, z, ixx, ixy, iyy, ixz, iyz, izz = np.moveaxis(ten, -1, 0)
-    half = (ixx + iyy + izz) / 2
-    rows = [[half - ixx, -ixy, -ixz, x], [-ixy, half - iyy, -iyz, y], [-ixz, -iyz, half - izz, z]]
-    return np.moveaxis(np.array([*rows, [x, y, z, m]]), (0, 1), (-2, -1))
+    half_trace = (ixx + iyy + izz) / 2
+    rows = [
+        [half_trace - ixx, -ixy, -ixz, x],
+        [-ixy, half_trace - iyy, -iyz, y],
+        [-ixz, -iyz, half_trace - izz, z],
+        [x, y, z, m],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Estimates base parameters from measured motions and torques, and predicts torques."""
+"""Estimates base parameters from measured motions and torques."""
 
 from __future__ import annotations
 
@@ -13,15 +13,20 @@ from ..arrays import Array, Flags, finite_array, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import InputError
-from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
 from .base_parameters import BaseParameters, require_base
 from .filters import decimated, noise_correlations
+from .least_squares import solved
+from .torque_noise import (
+    NoiseSpread,
+    Whitened,
+    noise_spread,
+    samples_per_independent_sample,
+    whitened,
+)
 
 #: Residuals up to this number of standard deviations count in full (P. J. Huber).
 _HUBER = 1.345
-#: Combinations with a smaller part in the motion are not shown by it.
-_UNSHOWN = 1e-9
 #: Median of the absolute values of normal noise, in standard deviations.
 _MEDIAN_OF_NORMAL = 0.6745
 #: Most iterations for the noise, and its last relative change.
@@ -148,31 +153,24 @@ def estimate(
     decimate = whole_number("decimate", decimate, 1)
     Y = chain.torque_regressor(q, va, aa)
     _require_enough(Y, measured, n, len(base), decimate)
-    J, regressor, forces = _equations(chain, base, Y, measured, q, va, decimate)
+    equations = _equations(chain, base, Y, measured, q, va, decimate)
     correlations = noise_correlations(decimate)
 
     # Weighted least squares. The noise of each motor follows from the residuals, and the weights
     # from the noise, until it does not change.
     noise = np.ones(motors)
-    weights = np.ones(forces.shape)  # of Huber's function
+    huber_weights = np.ones(equations.forces.shape)
     for _ in range(_ITERATIONS):
-        whitened = _whitened(J, noise, regressor, forces)
-        weighted_A = whitened.A * weights[..., None]
-        values, inverse = solved(weighted_A, whitened.z * weights)
-        spread = _Spread(weighted_A, inverse, whitened.torques / noise[:, None], correlations)
-        residuals = whitened.z - whitened.A @ values
-        torque_errors = (whitened.torques @ residuals[..., None])[..., 0]
-        if robust:
-            deviations = np.median(np.abs(torque_errors), axis=0) / _MEDIAN_OF_NORMAL
-            squares = len(residuals) * deviations**2
-            weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(residuals), 1e-300)))
-        else:
-            squares = np.sum(torque_errors**2, axis=0)
-        freedom = spread.freedom
+        fit = _fit(equations, noise, huber_weights, correlations)
+        squares = _squared_torque_errors(fit, robust)
+        freedom = fit.spread.freedom
         if motors > n:  # the motion does not show the shares of single motors
             squares = np.full(motors, squares.sum())
             freedom = np.full(motors, freedom.sum())
-        fewest = _require_freedom(chain, freedom / spread.repetition, len(Y), len(base))
+        independent_freedom = freedom / samples_per_independent_sample(correlations)
+        _require_freedom(chain, independent_freedom, len(Y), len(base))
+        if robust:
+            huber_weights = _huber_weights(fit.residuals)
         updated = np.sqrt(squares / freedom)
         converged = np.allclose(updated, noise, rtol=_CONVERGED, atol=0)
         # Exact torques have no noise; then the rounding of the torques is the noise.
@@ -180,22 +178,29 @@ def estimate(
         if converged:
             break
 
-    if robust:  # Huber's covariance is a factor times the covariance of least squares
-        _, inverse = solved(whitened.A, residuals)
-        torques = whitened.torques / noise[:, None]
-        spread = _Spread(whitened.A, inverse, torques, correlations)
-        covariance = spread.covariance * _huber_factor(residuals, len(base))
+    if robust:
+        covariance = _huber_covariance(fit, noise, correlations)
     else:
-        covariance = spread.covariance
-    return Estimate(base, values, covariance, noise, fewest, decimate)
+        covariance = fit.spread.covariance
+    return Estimate(
+        base=base,
+        values=fit.values,
+        covariance=covariance,
+        noise=noise,
+        degrees_of_freedom=float(independent_freedom.min()),
+        decimate=decimate,
+    )
 
 
 class _Equations(NamedTuple):
-    """The equations regressor theta = forces of N samples, with theta of the base parameters."""
+    """The equations Y theta = forces of N samples, with the base parameters theta."""
 
-    J: Array  #: Actuator Jacobians, shape (N, motors, n).
-    regressor: Array  #: Shape (N, n, b).
-    forces: Array  #: J^T tau, without the part of known parameters, shape (N, n).
+    #: Actuator Jacobians, shape (N, motors, n).
+    J: Array
+    #: Regressors of the base parameters, shape (N, n, b).
+    Y: Array
+    #: J^T tau minus the forces due to known parameters, shape (N, n).
+    forces: Array
 
 
 def _equations(
@@ -211,139 +216,23 @@ def _equations(
 
     Parameters that are not considered go to the right side.
     """
-    if decimate > 1:  # friction as the filter sees it
+    if decimate > 1:
+        # Columns of dry friction as the filter sees them, for joints and then for lines.
         Y = Y.copy()
         names = chain.dynamic_parameters.names
         dry = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
         v = chain.joint_rates(q, va)
-        rates = np.hstack([v, chain.engine.line_rates(q, v)])  # in the order of `dry`
-        Y[..., dry] *= _mean_signs(rates)[:, None]
+        rates_of_dry = np.hstack([v, chain.engine.line_rates(q, v)])
+        Y[..., dry] *= _mean_signs(rates_of_dry)[:, None]
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
     forces = (measured[:, None, :] @ J)[:, 0] - Y @ known
-    regressor = decimated(Y[..., base.columns], decimate)
-    forces = decimated(forces, decimate)
     if decimate > 1:
         J = J[::decimate][1:-1]  # the samples of `decimated`
-    return _Equations(J, regressor, forces)
-
-
-def _huber_factor(residuals: Array, b: int) -> float:
-    """The variance of Huber's estimate of b values, in units of that by least squares.
-
-    The residuals are in units of their noise. See P. J. Huber, Robust Statistics, 1981, Eq. (7.6.8)
-    and its correction for many parameters.
-    """
-    inside = float((np.abs(residuals) < _HUBER).mean())
-    correction = 1 + b / residuals.size * (1 - inside) / inside
-    mean_square = np.sum(np.clip(residuals, -_HUBER, _HUBER) ** 2) / (residuals.size - b)
-    return float(correction**2 * mean_square / inside**2)
-
-
-class _Whitened(NamedTuple):
-    """The equations A theta = z of all samples, in units of their noise.
-
-    Noise of the torques with the covariance N = diag(noise^2) is noise of the forces J^T tau with
-    J^T N J = C C^T. So both sides of Y theta = J^T tau are multiplied by C^-1; the noise of z then
-    has the covariance 1.
-    """
-
-    #: C^-1 Y, shape (N, n, b).
-    A: Array
-    #: C^-1 J^T tau, shape (N, n).
-    z: Array
-    #: Torque errors for one unit of an error of z, shape (N, motors, n): N J C^-T. Of the torque
-    #: errors that give the same forces, these are the most likely ones.
-    torques: Array
-
-
-def _whitened(J: Array, noise: Array, regressor: Array, forces: Array) -> _Whitened:
-    """The equations regressor theta = forces in units of their noise.
-
-    Args:
-        J: Actuator Jacobians, shape (N, motors, n).
-        noise: Standard deviations of the motors' torques, shape (motors,).
-        regressor: Y, shape (N, n, b).
-        forces: J^T tau, shape (N, n).
-    """
-    try:
-        C_inverse = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
-    except np.linalg.LinAlgError:
-        problem = "the motors do not act on all coordinates in all samples"
-        raise InputError("q", problem) from None
-    z = (C_inverse @ forces[..., None])[..., 0]
-    torques = noise[:, None] ** 2 * (J @ C_inverse.mT)
-    return _Whitened(C_inverse @ regressor, z, torques)
-
-
-class _Spread:
-    """How the noise of the motors spreads into the values and the residuals, in units of the noise.
-
-    The values are theta = (A^T A)^-1 A^T z with A = Q R, and the residuals (1 - H) z with the hat
-    matrix H = Q Q^T. Noise of samples that are k apart has the correlation c_k, together C.
-
-    Args:
-        A: The equations in units of the noise, shape (N, n, b).
-        inverse: R^-1, shape (b, b).
-        torques: Torque errors in units of the noise, for one unit of an error of z, shape (N,
-            motors, n).
-        correlations: c_1, c_2, ...
-
-    Attributes:
-        covariance: Covariance of the values, shape (b, b).
-        freedom: Expected sum of the squared residuals of each motor, shape (motors,).
-        repetition: Number of samples with the same information as one independent sample.
-    """
-
-    def __init__(self, A: Array, inverse: Array, torques: Array, correlations: Array) -> None:
-        # Q as torque errors. With it, theta = R^-1 times the sum of Q^T noise over the samples.
-        Q = torques @ (A @ inverse)
-        motors, b = Q.shape[1:]
-        Q_Q = np.empty((motors, b, b))  # Q^T Q of each motor
-        Q_C_Q = np.empty((motors, b, b))  # Q^T C Q of each motor
-        for k in range(motors):
-            rows = Q[:, k]
-            Q_Q[k] = rows.T @ rows
-            Q_C_Q[k] = Q_Q[k]
-            for lag, correlation in enumerate(correlations[: len(rows) - 1], 1):
-                pairs = correlation * (rows[:-lag].T @ rows[lag:])
-                Q_C_Q[k] += pairs + pairs.T
-        total = Q_C_Q.sum(axis=0)
-        self.covariance = inverse @ total @ inverse.T
-        # The trace of (1 - H) C (1 - H) = C - 2 H C + H C H.
-        self.freedom = np.sum(torques**2, axis=(0, 2))
-        self.freedom -= 2 * np.trace(Q_C_Q, axis1=1, axis2=2)
-        self.freedom += np.einsum("kij,ji->k", Q_Q, total)
-        self.repetition = 1 + 2 * float(np.sum(correlations**2))
-
-
-def _require_freedom(chain: ClosedChain, freedom: Array, samples: int, b: int) -> float:
-    """The fewest degrees of freedom; an error if they do not show the noise of a motor."""
-    motor = int(np.argmin(freedom))
-    if freedom[motor] < _LEAST_FREEDOM:
-        problem = (
-            f"{samples} samples are too few for {b} base parameters: they leave "
-            f"{max(freedom[motor], 0):.2g} degrees of freedom for the noise of motor "
-            f"{chain.motor_names[motor]}, needed {_LEAST_FREEDOM:g}"
-        )
-        raise InputError("q", f"{problem}; measure longer, or consider fewer")
-    return float(freedom[motor])
-
-
-def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) -> None:
-    """Check that there are torques for each sample, and more equations than parameters."""
-    motors = measured.shape[-1]
-    if measured.shape[:-1] != Y.shape[:-2] or Y.ndim != 3:
-        raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
-    if motors < n:
-        raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
-    samples = len(Y)
-    if decimate > 1:
-        samples = samples // decimate - 2  # the first and the last one are left out
-    if samples * n <= b:
-        problem = f"{len(Y)} samples are too few for {b} base parameters"
-        raise InputError("q", f"{problem}; measure longer, or consider fewer")
+    return _Equations(
+        J=J, Y=decimated(Y[..., base.columns], decimate), forces=decimated(forces, decimate)
+    )
 
 
 def _mean_signs(v: Array) -> Array:
@@ -362,90 +251,105 @@ def _mean_signs(v: Array) -> Array:
     return np.mean(halves, axis=0)
 
 
+class _Fit(NamedTuple):
+    """The solution of the equations by least squares for one guess of the noise."""
+
+    #: The equations in units of the noise.
+    whitened: Whitened
+    #: The base parameters theta, shape (b,).
+    values: Array
+    #: z - A theta, in units of the noise, shape (N, n).
+    residuals: Array
+    spread: NoiseSpread
+
+
+def _fit(equations: _Equations, noise: Array, weights: Array, correlations: Array) -> _Fit:
+    """The solution for the noise of each motor, with weights of the equations, shape (N, n)."""
+    whitened_equations = whitened(equations.J, noise, equations.Y, equations.forces)
+    A = whitened_equations.A
+    z = whitened_equations.z
+    weighted_A = A * weights[..., None]
+    values, R_inverse = solved(weighted_A, z * weights)
+    torques_of_z = whitened_equations.torques_of_z / noise[:, None]
+    return _Fit(
+        whitened=whitened_equations,
+        values=values,
+        residuals=z - A @ values,
+        spread=noise_spread(weighted_A, R_inverse, torques_of_z, correlations),
+    )
+
+
+def _squared_torque_errors(fit: _Fit, robust: bool) -> Array:
+    """Sum of the squared torque errors of each motor, shape (motors,).
+
+    If `robust`, it is estimated from the median of their sizes, which outliers do not change.
+    """
+    torque_errors = (fit.whitened.torques_of_z @ fit.residuals[..., None])[..., 0]
+    if robust:
+        deviations = np.median(np.abs(torque_errors), axis=0) / _MEDIAN_OF_NORMAL
+        return np.asarray(len(torque_errors) * deviations**2)
+    return np.asarray(np.sum(torque_errors**2, axis=0))
+
+
+# --- Huber's function: a residual r counts as r^2 if |r| <= k, and else as 2 k |r| - k^2 ---------
+
+
+def _huber_weights(residuals: Array) -> Array:
+    """Factors of the equations with which least squares minimises the sum of Huber's function."""
+    return np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(residuals), 1e-300)))
+
+
+def _huber_covariance(fit: _Fit, noise: Array, correlations: Array) -> Array:
+    """Covariance of the values: that of least squares without weights, times a factor.
+
+    The factor is the ratio of the variances of both estimates: P. J. Huber, Robust Statistics,
+    1981, Eq. (7.6.8) with its correction for many parameters.
+    """
+    A = fit.whitened.A
+    residuals = fit.residuals
+    _, R_inverse = solved(A, residuals)
+    torques_of_z = fit.whitened.torques_of_z / noise[:, None]
+    spread = noise_spread(A, R_inverse, torques_of_z, correlations)
+
+    b = fit.values.size
+    inside = float((np.abs(residuals) < _HUBER).mean())
+    correction = 1 + b / residuals.size * (1 - inside) / inside
+    mean_square = np.sum(np.clip(residuals, -_HUBER, _HUBER) ** 2) / (residuals.size - b)
+    return np.asarray(spread.covariance * float(correction**2 * mean_square / inside**2))
+
+
+# --- checks ---------------------------------------------------------------------------------------
+
+
+def _require_freedom(chain: ClosedChain, freedom: Array, samples: int, b: int) -> None:
+    """Refuse degrees of freedom, shape (motors,), too few to show the noise of a motor."""
+    motor = int(np.argmin(freedom))
+    if freedom[motor] < _LEAST_FREEDOM:
+        problem = (
+            f"{samples} samples are too few for {b} base parameters: they leave "
+            f"{max(freedom[motor], 0):.2g} degrees of freedom for the noise of motor "
+            f"{chain.motor_names[motor]}, needed {_LEAST_FREEDOM:g}"
+        )
+        raise InputError("q", f"{problem}; measure longer, or consider fewer")
+
+
+def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) -> None:
+    """Check that there are torques for each sample, and more equations than parameters."""
+    motors = measured.shape[-1]
+    if measured.shape[:-1] != Y.shape[:-2] or Y.ndim != 3:
+        raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
+    if motors < n:
+        raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
+    samples = len(Y)
+    if decimate > 1:
+        samples = samples // decimate - 2  # the first and the last one are left out
+    if samples * n <= b:
+        problem = f"{len(Y)} samples are too few for {b} base parameters"
+        raise InputError("q", f"{problem}; measure longer, or consider fewer")
+
+
 def require_estimate(chain: ClosedChain, found: object) -> None:
     """Raise an `InputError` if `found` is not an estimate for this robot."""
     if not isinstance(found, Estimate):
         raise InputError("found", f"a {type(found).__name__}; give the result of estimate")
     require_base(chain, found.base)
-
-
-def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
-    """Motor torques of a motion by dynamic parameters, the smallest ones, shape (N, motors).
-
-    Args:
-        chain: The robot.
-        theta: All dynamic parameters, offsets of motors among them, shape (p,).
-        motion: A motion of the robot.
-    """
-    require_robot("chain", chain)
-    require_motion(motion, chain.mechanism)
-    Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
-    forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
-    torques_of_forces = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
-    return np.asarray((torques_of_forces @ forces[..., None])[..., 0])
-
-
-def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajectory) -> str:
-    """An estimate as Markdown: values with intervals, what is not supported, errors elsewhere.
-
-    Args:
-        chain: The robot.
-        found: The estimate.
-        theta: The dynamic parameters that were chosen, such as `consistent_parameters`.
-        unseen: A motion with measured torques that the estimate has not seen.
-    """
-    require_robot("chain", chain)
-    require_motion(unseen, chain.mechanism, "unseen")
-    require_estimate(chain, found)
-    errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
-    error = np.sqrt(np.mean(errors**2, axis=0))
-    size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))
-    lines = [
-        f"# Dynamic parameters of {chain.mechanism.model.name}",
-        "",
-        f"{len(found.base)} combinations of {len(found.base.considered)} parameters, of which "
-        f"{int(found.supported.sum())} differ from zero by more than their intervals of "
-        f"{INTERVAL:.1%}.",
-        "",
-        "| motor | noise of the estimate | error in the unseen motion | relative |",
-        "|---|---|---|---|",
-    ]
-    for k, motor in enumerate(chain.motor_names):
-        unit = chain.motor_units[k]
-        noise = f"{found.noise[k]:.3g} {unit}"
-        lines.append(f"| {motor} | {noise} | {error[k]:.3g} {unit} | {error[k] / size[k]:.3f} |")
-    lines += ["", f"| combination | value | interval ({INTERVAL:.1%}) | |", "|---|---|---|---|"]
-    intervals = found.intervals()
-    supported = found.supported
-    for k, name in enumerate(found.base.names):
-        remark = "" if supported[k] else "not supported"
-        lines.append(f"| {name} | {found.values[k]:.5g} | {intervals[k]:.2g} | {remark} |")
-    if found.base.unseen:
-        lines += ["", f"Not identifiable: {', '.join(found.base.unseen)}."]
-    replaced = getattr(unseen, "replaced", {})  # of a `MeasuredMotion`
-    if replaced:
-        counts = ", ".join(f"{name} {count}" for name, count in replaced.items())
-        lines += ["", f"Outliers of the log that were replaced: {counts}."]
-    return "\n".join([*lines, ""])
-
-
-def solved(A: Array, z: Array) -> tuple[Array, Array]:
-    """The least-squares solution of A x = z, and R^-1 of A = Q R, shapes (b,) and (b, b).
-
-    R^-1 R^-T is the covariance of x for noise of z with the covariance 1. Leading axes of A, shape
-    (..., b), and z, shape (...), are rows of one system.
-    """
-    from scipy.linalg import solve_triangular
-
-    b = A.shape[-1]
-    # The columns of A and z are triangularised together, in units of their sizes.
-    rows = np.concatenate([A, z[..., None]], axis=-1).reshape(-1, b + 1)
-    sizes = np.linalg.norm(rows[:, :b], axis=0)
-    sizes[sizes == 0] = 1
-    rows[:, :b] /= sizes
-    R = np.asarray(np.linalg.qr(rows, mode="r"), float)[:b]
-    if np.abs(np.diag(R)[:b]).min(initial=1.0) < _UNSHOWN:
-        problem = "it does not show all base parameters; base_parameters(motion=) finds those"
-        raise InputError("motion", problem)
-    inverse = solve_triangular(R[:, :b], np.eye(b)) / sizes[:, None]
-    return inverse @ R[:, b], inverse

@@ -40,11 +40,16 @@ class FramePair(NamedTuple):
     J_b: Array
 
     def positions(self) -> tuple[Array, Array]:
-        """The origin of B in A, shape (N, 3), and its derivatives, shape (N, 3, k)."""
-        to_a = self.a[:, :3, :3].mT
+        """The origin of B in A, shape (N, 3), and its derivatives, shape (N, 3, k).
+
+        The position is p = R_a^T d with d = x_b - x_a in base axes. If A moves with the velocity
+        v_a and the angular velocity w_a, and B with v_b, then p' = R_a^T (v_b - v_a - w_a x d), and
+        -w_a x d = d x w_a.
+        """
+        R_a_transposed = self.a[:, :3, :3].mT
         d = self.b[:, :3, 3] - self.a[:, :3, 3]
         J = self.J_b[:, :3] - self.J_a[:, :3] + skew(d) @ self.J_a[:, 3:]
-        return (to_a @ d[:, :, None])[..., 0], to_a @ J
+        return (R_a_transposed @ d[:, :, None])[..., 0], R_a_transposed @ J
 
 
 class Rows(NamedTuple):
@@ -53,12 +58,12 @@ class Rows(NamedTuple):
     Attributes:
         z: Shape (rows,), [m] or [rad].
         A: Shape (rows, k).
-        turns: Whether they are angles.
+        are_angles: Whether they are angles, [rad], or else lengths, [m].
     """
 
     z: Array
     A: Array
-    turns: bool = False
+    are_angles: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,19 +110,20 @@ class Measurement(ABC):
         return len(angles)
 
     @property
-    def noises(self) -> list[float | None]:
-        """The noise of each kind of row; None to estimate it."""
-        stated = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
-        return [None if x is None else positive_number("noise", x) for x in stated]
+    def number_of_kinds(self) -> int:
+        """Number of kinds of rows: 1, or 2 for positions and orientations."""
+        return 1
 
     @property
-    def kinds(self) -> int:
-        """How many kinds of rows there are."""
-        return 1
+    def noise_of_kinds(self) -> list[float | None]:
+        """The noise of each kind of rows; None to estimate it."""
+        stated = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
+        noises = [None if x is None else positive_number("noise", x) for x in stated]
+        return noises[: self.number_of_kinds]
 
     @abstractmethod
     def rows(self, frames: FramePair) -> list[Rows]:
-        """Rows of each kind, without values that were not measured."""
+        """Rows of each kind, in a fixed order, without values that were not measured."""
 
     def guess_of_base(self, b: Array) -> pin.SE3:
         """A first guess of the reference in the base, from placements of B as drawn."""
@@ -175,9 +181,9 @@ class Poses(Measurement):
             raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
 
     @property
-    def kinds(self) -> int:
-        """Positions, and perhaps orientations."""
-        return np.ndim(self.poses) - 1
+    def number_of_kinds(self) -> int:
+        """1 for positions, shape (N, 3); 2 for poses, shape (N, 4, 4)."""
+        return 1 if np.ndim(self.poses) == 2 else 2
 
     @property
     def measured_positions(self) -> Array:
@@ -201,7 +207,7 @@ class Poses(Measurement):
             for computed, measured_R in zip(R, array[k, :3, :3], strict=True):
                 z.append(computed @ pin.log3(computed.T @ measured_R))
             A = to_a @ (frames.J_b[k, 3:] - frames.J_a[k, 3:])
-            kinds.append(Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), turns=True))
+            kinds.append(Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), are_angles=True))
         return kinds
 
     def guess_of_base(self, b: Array) -> pin.SE3:

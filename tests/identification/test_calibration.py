@@ -164,7 +164,7 @@ def test_errors_that_do_not_settle_are_refused(monkeypatch):
     points, _ = chain.frame_placement(q, "coupler_end")
     which = ["rocker.y", "crank.y", "coupler.x", "crank.rz", "coupler_end.y"]
     noisy_points = points + np.random.default_rng(0).normal(scale=0.024, size=(len(x), 3))
-    monkeypatch.setattr("sst_pin.identification.calibration._STEPS", 5)  # as in 30, but sooner
+    monkeypatch.setattr("sst_pin.identification.error_fit._STEPS", 5)  # as in 30, but sooner
     with pytest.raises(sst_pin.InputError, match="do not settle in 5 steps"):
         calibrate(chain, "coupler_end", x, noisy_points, which=which, start=start)
 

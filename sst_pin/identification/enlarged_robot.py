@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A robot with a joint for each error of its geometry.
+
+An error is a displacement of a place, a joint or a frame, from where it is drawn: "elbow.x" along
+the x axis of the link that carries the place, "elbow.rz" about the z axis of the place; or it is an
+error of the length of a rod, a `Distance` closure: "a - b.length". The enlarged robot has a slide
+or a hinge for each error, which is at zero in the robot as drawn. The Jacobian of a frame by the
+rates of these joints, with closed loops, has the derivatives of the frame's pose by the errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..closed_chain import ClosedChain
+from ..errors import InputError, UnknownNameError
+from ..model import geometry
+from ..model.thresholds import RANK_TOLERANCE
+from ..model.tree import frame_id
+from ..reading import Urdf
+from ..summaries import listed
+from .urdf_origins import carriers_of
+
+#: An error opens the loops if the joints leave a larger gap, free of units.
+_CLOSED = 1e-6
+
+
+class EnlargedRobot:
+    """A robot as drawn, and the same robot with a joint for each error.
+
+    Attributes:
+        chain: The robot with the additional joints. Its coordinates are those of the robot as
+            drawn, then the errors that the loops allow independently of each other.
+        errors: Names of these errors, in the order of the coordinates.
+        columns: Their numbers among the coordinates of `chain`.
+    """
+
+    def __init__(self, drawn: ClosedChain, errors: Sequence[str]) -> None:
+        joints = []
+        rods_of_joints = dict[str, str]()
+        for name in errors:
+            for place, displacement in geometry.displacements(drawn.mechanism, {name: 1.0}).items():
+                joints.append((name, place, displacement))
+            for rod in geometry.extensions(drawn.closures, {name: 1.0}):
+                rods_of_joints[name] = rod
+        model = geometry.enlarged(drawn.mechanism.model, joints, slides=rods_of_joints)
+        closures = geometry.extended(drawn.closures, rods_of_joints)
+        self.chain = ClosedChain(model, closures, [*drawn.coordinates, *errors])
+        lost = set(drawn.coordinates) - set(self.chain.coordinates)
+        if lost:
+            raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")
+        count = len(drawn.coordinates)
+        self.errors = self.chain.coordinates[count:]
+        self.columns = np.arange(count, len(self.chain.coordinates))
+        self._all_errors = errors
+        self._drawn = drawn
+
+    def without_errors(self, q: Array) -> Array:
+        """Configurations with all errors at zero, for configurations q of the robot as drawn."""
+        result = np.tile(pin.neutral(self.chain.mechanism.model), (len(q), 1))
+        places = [self.chain.position_names.index(name) for name in self._drawn.position_names]
+        result[:, places] = q
+        return result
+
+    def opening_errors(self, q: Array) -> list[str]:
+        """The errors that alone open the loops in all configurations q of the enlarged robot.
+
+        The other joints can close the loops if the column of an error in Phi is a combination of
+        their columns. The part of the column outside the span of theirs is the gap.
+        """
+        mechanism = self.chain.mechanism
+        rates_of_errors = mechanism.space.rates_of(self._all_errors)
+        least_gaps = np.full(len(self._all_errors), np.inf)
+        for configuration in q:
+            Phi = self.chain.Phi(configuration)
+            Phi = Phi * mechanism.rate_scale * mechanism.row_scale[:, None]  # free of units
+            U, s, _ = np.linalg.svd(np.delete(Phi, rates_of_errors, axis=1), full_matrices=False)
+            span = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
+            columns = Phi[:, rates_of_errors]
+            gaps = np.linalg.norm(columns - span @ (span.T @ columns), axis=0)
+            least_gaps = np.minimum(least_gaps, gaps)
+        return [self._all_errors[k] for k in np.flatnonzero(least_gaps > _CLOSED).tolist()]
+
+
+def error_names(places: Iterable[str]) -> list[str]:
+    """Names of the six errors of each place."""
+    names = []
+    for place in places:
+        names += [f"{place}.{axis}" for axis in geometry.AXES]
+    return names
+
+
+def considered_errors(
+    drawn: ClosedChain,
+    frames: Sequence[str],
+    which: Sequence[str] | None,
+    urdf: str | Path | None,
+    unknown: Container[str],
+) -> list[str]:
+    """Names of the errors of the robot that are considered: lengths of rods, then displacements.
+
+    Args:
+        drawn: The robot as drawn.
+        frames: Frames that measurements compare.
+        which: Names or patterns of errors; by default all errors of joints and closures.
+        urdf: A URDF that must be able to store the displacements; None for no such condition.
+        unknown: Those of the frames that are not part of the robot.
+    """
+    mechanism = drawn.mechanism
+    for frame in frames:
+        frame_id(mechanism.model, frame)  # raises an error for an unknown frame
+    measured = [frame for frame in frames if frame != "universe" and frame not in unknown]
+    joints_and_closures = geometry.places_of(mechanism)
+    places = list(dict.fromkeys([*joints_and_closures, *measured]))
+    lengths = geometry.length_names(mechanism.closures)
+    if urdf is None:
+        storable = set(places)
+    else:
+        storable = set(carriers_of(Urdf.read(urdf).root, mechanism.model))
+
+    if which is None:
+        default_places = []
+        for place in joints_and_closures:
+            if place in storable and place not in measured:
+                default_places.append(place)
+        patterns = [*lengths, *(f"{place}.*" for place in default_places)]
+    else:
+        patterns = list(which)
+    known_names = [*lengths, *error_names(places)]
+    matches_of_all = set[str]()
+    for pattern in patterns:
+        matches = [name for name in known_names if fnmatchcase(name, pattern)]
+        if not matches:
+            raise UnknownNameError("error of the geometry", pattern, known_names)
+        matches_of_all.update(matches)
+    considered = [name for name in known_names if name in matches_of_all]
+
+    not_storable = []
+    for name in considered:
+        if name not in lengths and name.rpartition(".")[0] not in storable:
+            not_storable.append(name)
+    if not_storable:
+        problem = f"{urdf} cannot store {listed(not_storable)}: no joint of it is there"
+        raise InputError("which", f"{problem}; leave them out")
+    return considered
