@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +25,7 @@ from ..engine import require_robot
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
-#: A column depends on others if its rest, after these are removed, is smaller than this part.
+#: A column depends on others if the part of it outside their span, relative to its size, is less.
 _DEPENDENT = 1e-9
 #: Equations for each parameter, so that no column depends on others by chance.
 _ROWS = 2.5
@@ -131,25 +132,47 @@ def base_parameters(
     if len(rows) < len(considered):
         problem = f"{len(rows)} equations for {len(considered)} parameters; give more samples"
         raise InputError("motion", problem)
-    # Columns that the forces depend on; each is a combination of the independent ones.
-    sizes = np.linalg.norm(rows, axis=0)
-    seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
-    is_independent = np.isin(seen, independent(rows, _DEPENDENT))
-    scaled = rows[:, seen] / sizes[seen]
-    factors = np.linalg.lstsq(scaled[:, is_independent], scaled, rcond=None)[0]
-    # Smaller factors, in the units of the columns, are rounding.
-    factors[np.abs(factors) <= _DEPENDENT] = 0.0
-    ratios = sizes[seen] / sizes[seen[is_independent], None]
-    matrix = np.zeros((int(is_independent.sum()), len(theta)))
-    matrix[:, considered[seen]] = factors * ratios
+    combinations = _combinations(rows)
+    independent_columns = considered[combinations.independent]
+    matrix = np.zeros((len(independent_columns), len(theta)))
+    matrix[:, considered[combinations.seen]] = combinations.factors
     return BaseParameters(
-        names=tuple(_combination(row, theta.names) for row in matrix),
+        names=tuple(_combination_name(row, theta.names) for row in matrix),
         matrix=matrix,
-        columns=considered[seen[is_independent]],
+        columns=independent_columns,
         considered=considered,
-        unseen=tuple(theta.names[k] for k in np.delete(considered, seen)),
+        unseen=tuple(theta.names[k] for k in np.delete(considered, combinations.seen)),
         parameters=theta.names,
     )
+
+
+class _Combinations(NamedTuple):
+    """The columns of a matrix A as combinations: A[:, seen] = A[:, independent] F.
+
+    Attributes:
+        seen: Numbers of the columns that are not zero.
+        independent: Numbers of b columns that do not depend on columns before them.
+        factors: F, shape (b, seen).
+    """
+
+    seen: Indices
+    independent: Indices
+    factors: Array
+
+
+def _combinations(A: Array) -> _Combinations:
+    """The columns of A as combinations of independent ones."""
+    # All columns are compared in units of their sizes.
+    sizes = np.linalg.norm(A, axis=0)
+    seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
+    is_independent = np.isin(seen, independent(A, _DEPENDENT))
+    scaled = A[:, seen] / sizes[seen]
+    factors = np.linalg.lstsq(scaled[:, is_independent], scaled, rcond=None)[0]
+    # Smaller factors are rounding.
+    factors[np.abs(factors) <= _DEPENDENT] = 0.0
+    # A column of A is its size times the scaled column.
+    ratios = sizes[seen] / sizes[seen[is_independent], None]
+    return _Combinations(seen, seen[is_independent], factors * ratios)
 
 
 def _arrays_of(motion: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[ArrayLike, ...]:
@@ -183,31 +206,40 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     count = whole_number("count", count, 1)
     units = mechanism.rate_scale[mechanism.coordinates]
     start = _within_limits(chain, chain.generic_configuration(), random)
-    # A robot that is worse than usual at its start is so elsewhere.
+    # A robot with a large condition number at its start has large ones elsewhere too.
     largest = max(_REGULAR, 2 * float(chain.condition_number(start)))
     allowed = _beyond_limits(chain, start)
 
     def inside(q: Array) -> bool:
+        """Whether no joint is farther beyond a limit than at the start."""
         excess = _beyond_limits(chain, q)
         return all(excess[joints] <= allowed.get(joints, 0.0) for joints in excess)
 
-    configurations = list[Array]()
-    for _ in range(20 * count):
+    def near_start() -> Array | None:
+        """A random regular configuration near the start; None if none is found."""
         step = 0.1 * random.normal(size=len(units)) * units
         for _ in range(_HALVINGS):
             q = _moved(chain, start, step)
             if q is not None and chain.condition_number(q) < largest and inside(q):
-                configurations.append(q)
-                break
+                return q
             step = step / 2
+        return None
+
+    configurations = list[Array]()
+    for _ in range(20 * count):
+        q = near_start()
+        if q is not None:
+            configurations.append(q)
         if len(configurations) == count:
             break
-    else:
+    if len(configurations) < count:
         problem = f"only {len(configurations)} of {count} random configurations could be assembled"
         raise ClosureError(f"{problem}; give motion=", float("inf"))
+
+    # Rates and accelerations of a robot that gravity moves over its length l: v^2 / l = g.
+    per_second_squared = 9.81 / mechanism.length
     va, aa = random.normal(size=(2, count, len(units))) * units
-    faster = 9.81 / mechanism.length
-    return np.array(configurations), va * np.sqrt(faster), aa * faster
+    return np.array(configurations), va * np.sqrt(per_second_squared), aa * per_second_squared
 
 
 def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
@@ -286,7 +318,7 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
     return np.flatnonzero(is_considered)
 
 
-def _combination(row: Array, names: Sequence[str]) -> str:
+def _combination_name(row: Array, names: Sequence[str]) -> str:
     """A sum of parameters with their factors as text."""
     text = ""
     for k in np.flatnonzero(row).tolist():

@@ -118,50 +118,70 @@ def excitation(
     """
     require_robot("chain", chain)
     period = positive_number("duration", duration)
-    fine = positive_number("dt", dt)
-    if period > _MOST * fine:
-        problem = f"at most {_MOST:g} samples of {fine:g} s; give a shorter duration or a larger dt"
-        raise InputError("duration", problem)
+    sample_time = positive_number("dt", dt)
+    if period > _MOST * sample_time:
+        problem = f"at most {_MOST:g} samples of {sample_time:g} s"
+        raise InputError("duration", f"{problem}; give a shorter duration or a larger dt")
     count = whole_number("harmonics", harmonics, 2)
     tries = whole_number("tries", tries, 1)
     random = np.random.default_rng(whole_number("seed", seed, 0))
     series = _Series(chain, period, count, placed(chain.engine, {}, start), rates, torques)
+    best = _search(chain, base, series, tries, random, sample_time)
+    if best is None:
+        raise InputError("start", "no motion about it stays within the limits")
+    if best.condition > _POOR:
+        cure = "allow larger rates or torques, more tries or harmonics, or fewer parameters"
+        problem = f"the motion shows the parameters poorly: condition number {best.condition:.3g}"
+        warn_caller(f"{problem}; {cure}", RuntimeWarning)
+    return best.motion
+
+
+class _Best(NamedTuple):
+    """The best motion of a search."""
+
+    condition: float  #: Its condition number.
+    coefficients: Array  #: Coefficients of its series.
+    motion: Trajectory
+
+
+def _search(
+    chain: ClosedChain,
+    base: BaseParameters,
+    series: _Series,
+    tries: int,
+    random: np.random.Generator,
+    dt: float,
+) -> _Best | None:
+    """The motion with the smallest condition number of some tries; None if no series is possible.
+
+    The first tries are random series, the others are random steps from the best one so far, which
+    become shorter to the end.
+    """
     sizes = _sizes(chain, base)
-    coarse = period / (_SAMPLES * count)
-    shape = (series.size, len(chain.coordinates))
-    best = np.inf  # the smallest condition number
-    center = np.zeros(shape)  # coefficients of the motion that has it
-    result = None  # this motion
+    coarse_step = series.period / (_SAMPLES * series.harmonics)
+    best: _Best | None = None
     for k in counted(range(tries), "excitation", tries):
-        # Coefficients of a random series.
-        z = np.asarray(random.normal(size=shape) / count)
-        if k >= tries * _RANDOM_TRIES and np.isfinite(best):
-            # Now steps from the best series, which become shorter to the end.
-            z *= 0.5 * np.abs(center).max() * count * (1 - k / tries)
-            z += center
-        candidate = series.within_limits(z, _FACTORS, coarse)
+        # Coefficients of about the same size for any number of harmonics.
+        z = np.asarray(random.normal(size=series.shape) / series.harmonics)
+        if k >= tries * _RANDOM_TRIES and best is not None:
+            center = best.coefficients
+            length = 0.5 * np.abs(center).max() * series.harmonics * (1 - k / tries)
+            z = length * z + center
+        candidate = series.within_limits(z, _FACTORS, coarse_step)
         if candidate is None:
             continue
-        value = _condition(chain, base, sizes, candidate.motion)
-        if value >= best:
+        condition = _condition(chain, base, sizes, candidate.motion)
+        if condition >= (np.inf if best is None else best.condition):
             continue
         # A limit may be exceeded between coarse samples: check the final ones, and scale down.
-        final = series.within_limits(candidate.coefficients, _FINAL_FACTORS, fine)
+        final = series.within_limits(candidate.coefficients, _FINAL_FACTORS, dt)
         if final is not None:
-            best = value
-            center = candidate.coefficients
-            result = final.motion
-    if result is None:
-        raise InputError("start", "no motion about it stays within the limits")
-    if best > _POOR:
-        cure = "allow larger rates or torques, more tries or harmonics, or fewer parameters"
-        problem = f"the motion shows the parameters poorly: condition number {best:.3g}"
-        warn_caller(f"{problem}; {cure}", RuntimeWarning)
-    return result
+            best = _Best(condition, candidate.coefficients, final.motion)
+    return best
 
 
 class _Candidate(NamedTuple):
-    """A motion within the limits, and the coefficients of its series."""
+    """A motion within the limits, and the coefficients z of its series."""
 
     coefficients: Array
     motion: Trajectory
@@ -170,9 +190,14 @@ class _Candidate(NamedTuple):
 class _Series:
     """Fourier series of the coordinates that begin and end at rest at the first configuration.
 
-    The position of a coordinate is its start plus the sum of a_k sin(w_k t) + b_k cos(w_k t). The
-    conditions at the ends, where position, rate and acceleration are zero, are linear in a and b.
-    So (a, b) is a matrix, whose columns span their null space, times coefficients z.
+    The position of a coordinate is its start plus the sum of a_k sin(w_k t) + b_k cos(w_k t). At
+    the ends, this sum, its rate and its acceleration must be zero. These conditions are linear in
+    a and b, so (a, b) = B z with a basis B of their null space and any coefficients z.
+
+    Attributes:
+        period: Duration, [s].
+        harmonics: Number of harmonics w_k.
+        shape: Shape of the coefficients z, with a column for each coordinate.
     """
 
     def __init__(
@@ -188,8 +213,9 @@ class _Series:
 
         mechanism = chain.mechanism
         model = mechanism.model
+        self.period = period
+        self.harmonics = count
         self._chain = chain
-        self._period = period
         self._first = first
         #: Angular frequencies of the harmonics.
         self._frequencies = 2 * np.pi * np.arange(1, count + 1) / period
@@ -200,10 +226,9 @@ class _Series:
         rate = [*self._frequencies, *zero]
         acceleration = [*zero, *self._frequencies**2]
         ends = np.array([position, rate, acceleration])
-        #: Factors of series that begin and end at rest, in columns.
-        self._at_rest = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
-        #: Number of coefficients of each coordinate.
-        self.size = self._at_rest.shape[1]
+        #: B.
+        self._basis = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
+        self.shape = (self._basis.shape[1], len(chain.coordinates))
         self._units = mechanism.rate_scale[mechanism.coordinates]
         self._start = positions_of(mechanism.space, first, chain.coordinates)
         self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
@@ -214,7 +239,7 @@ class _Series:
         """The series with the first factor that keeps all limits; None if none does.
 
         Args:
-            z: Coefficients, shape (size, n).
+            z: Coefficients, of shape `shape`.
             factors: Factors of the coefficients, tried in this order.
             step: Time between samples of the motion, [s].
         """
@@ -226,11 +251,11 @@ class _Series:
         return None
 
     def _sampled(self, z: Array, step: float) -> Trajectory:
-        """The motion of the robot for coefficients z, shape (size, n)."""
-        t = np.linspace(0, self._period, max(round(self._period / step), 3) + 1)
+        """The motion of the robot for coefficients z of shape `shape`."""
+        t = np.linspace(0, self.period, max(round(self.period / step), 3) + 1)
         phases = np.outer(t, self._frequencies)
         waves = np.hstack([np.sin(phases), np.cos(phases)])
-        x = self._start + (waves @ self._at_rest @ z) * self._units
+        x = self._start + (waves @ self._basis @ z) * self._units
         return coordinate_motion(self._chain, t, x, self._first)
 
     def _allows(self, motion: Trajectory) -> bool:

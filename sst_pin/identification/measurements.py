@@ -43,8 +43,9 @@ class MeasuredMotion(Trajectory):
     def __init__(
         self, *values: Any, replaced: Mapping[str, int] = MappingProxyType({}), **words: Any
     ) -> None:
+        """Take the arguments of `Trajectory`, and `replaced`."""
         super().__init__(*values, **words)
-        vars(self)["replaced"] = replaced
+        vars(self)["replaced"] = replaced  # as a frozen dataclass, which assigns no attributes
 
 
 def measured_motion(
