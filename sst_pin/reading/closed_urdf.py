@@ -16,17 +16,19 @@ from ..errors import DescriptionError
 from ..model.checks import Motor, tendon_of, without_locked
 from ..model.closures import Constraint, Coupling, frames_of
 from ..summaries import listed
-from .cut_joints import Marks
+from .closing_frames import closures_of_frames, is_closing
 from .cuts import Cuts, parse_cuts
 from .inertia_checks import inertia_notes
+from .joint_kinds import lost_limits
 from .joint_numbers import LIMITS, combined_numbers, put_numbers, springs_of
+from .loop_elements import LoopElements
 from .problems import Problem, warning
 from .robot_file import RobotFile, naming, warn_of
 from .shapes import urdf_shapes
 from .srdf import Srdf
 from .text import read_text
 from .tool_elements import motors_of
-from .urdf import Urdf, closing_frames, is_closing
+from .urdf import Urdf
 
 
 def read_urdf(
@@ -62,7 +64,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
     if path is None:
-        return Cuts(urdf.marks.independent or motors_of(urdf.root))
+        return Cuts(urdf.loop_elements.independent or motors_of(urdf.root))
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
 
 
@@ -94,13 +96,13 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     for key in LIMITS:
         joints_with_limits.update(cuts.numbers.get(key, {}))
     notes = [
-        *_replaced_marks(model, cuts, urdf.marks),
-        *urdf.lost_limits(dict(cuts.joints), joints_with_limits),
+        *_replaced_marks(model, cuts, urdf.loop_elements),
+        *lost_limits(urdf.root, dict(cuts.joints), joints_with_limits),
     ]
 
     # Closures, and numbers of joints.
     with naming(source):
-        loops = _loops(model, cuts, urdf.marks)
+        loops = _loops(model, cuts, urdf.loop_elements)
         numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed)
         put_numbers(model, numbers)
 
@@ -121,7 +123,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     # Motors; in an open tree without motors each joint has one.
     motors = tuple(_moving_motors(cuts.actuated, cuts.fixed))
     open_tree = ""
-    if not cuts.source and not loops and not urdf.marks.independent:
+    if not cuts.source and not loops and not urdf.loop_elements.independent:
         followers = {coupling.joint for coupling in couplings}
         open_tree = _open_tree_warning(srdf_path.stem, bool(cuts.actuated), bool(followers))
         if not cuts.actuated:
@@ -145,15 +147,15 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     )
 
 
-def _loops(model: pin.Model, cuts: Cuts, marks: Marks) -> tuple[Constraint, ...]:
+def _loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Constraint, ...]:
     """The closures of the YAML, else those that the URDF marks.
 
     Frames of joints that close loops are added to the model.
     """
     if cuts.closures:
         return cuts.closures
-    joints = cuts.hinges or marks.joints  # the YAML replaces what the URDF marks
-    return (*closing_frames(model), *(joint.close(model) for joint in joints))
+    joints = cuts.hinges or elements.joints  # the YAML replaces what the URDF marks
+    return (*closures_of_frames(model), *(joint.add_closure(model) for joint in joints))
 
 
 def _open_tree_warning(name: str, has_motors: bool, has_followers: bool) -> str:
@@ -185,13 +187,13 @@ def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
     """
     determined = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
     mimics = [mimic for mimic in urdf.mimics if mimic.joint not in determined]
-    couplings = [*mimics, *urdf.marks.gears, *cuts.couplings]
+    couplings = [*mimics, *urdf.loop_elements.gears, *cuts.couplings]
     return tuple(_couplings_that_move(couplings, cuts.fixed, source))
 
 
-def _replaced_marks(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
+def _replaced_marks(model: pin.Model, cuts: Cuts, elements: LoopElements) -> Iterator[Problem]:
     """A warning of closures that the URDF marks and that the closures of the YAML replace."""
-    names = [joint.name for joint in marks.joints]
+    names = [joint.name for joint in elements.joints]
     if cuts.closures:
         used_frames = set[str]()
         for closure in cuts.closures:

@@ -18,9 +18,9 @@ from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.contacts import Contact, Rope
 from ..model.lines import NUMBERS_OF_LINE, LineForce
 from .cut_joints import CutJoint, Side, cut_joint
+from .joint_kinds import KINDS
 from .joint_numbers import LIMITS, JointNumbers
 from .problems import collecting_problems, numbers, vector
-from .urdf import KINDS
 from .yaml_content import (
     YamlContent,
     mapping_in,
@@ -347,9 +347,11 @@ def _hinge(value: Any) -> CutJoint:
     # Point and axis are relative to the base for both links.
     placement = pin.SE3(np.eye(3), _vector(fields, "point"))
     axis = _vector(fields, "axis")
-    side_a = Side(name_in(fields["link_a"]), placement, axis, relative_to="universe")
-    side_b = Side(name_in(fields["link_b"]), placement, axis, relative_to="universe")
-    return cut_joint("", "revolute", side_a, side_b)
+    sides = []
+    for key in ("link_a", "link_b"):
+        link = name_in(fields[key])
+        sides.append(Side(link, relative_to="universe", placement=placement, axis=axis))
+    return cut_joint("", "revolute", *sides)
 
 
 def _vector(fields: Mapping[str, Any], key: str) -> Array:

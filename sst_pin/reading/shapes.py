@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from ..errors import DescriptionError
 from .mjcf_compiled import pose_of
-from .text import bare
+from .text import with_elements
 
 #: What to do about shapes that cannot be loaded.
 _CURE = "an empty pinocchio.GeometryModel() as visual_model (show --skeleton) does without"
@@ -34,7 +34,7 @@ def urdf_shapes(
         "link": ("visual", "collision"),
         "joint": ("parent", "child"),
     }
-    root = bare(root, tags)  # a copy
+    root = with_elements(root, tags)  # a copy
     for joint in root.findall("joint"):  # the model has the joints and masses
         joint.set("type", "fixed")
     for link in root.findall("link"):  # urdfdom would leave out the link, and print a complaint

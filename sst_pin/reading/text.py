@@ -88,7 +88,7 @@ def parse_almost_xml(text: str, source: str, what: str) -> tuple[ET.Element, lis
         return root, [warning("file", f"not XML: {fault}; read as if it were")]
 
 
-def bare(root: ET.Element, tags: Mapping[str, Collection[str]]) -> ET.Element:
+def with_elements(root: ET.Element, tags: Mapping[str, Collection[str]]) -> ET.Element:
     """A copy of a robot with some of its elements, such as links and joints.
 
     `tags` has the tags of the elements that are copied and, for each, the tags of the parts that

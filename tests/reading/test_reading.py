@@ -10,8 +10,8 @@ import sst_pin
 from sst_pin.model.closures import Coupling
 from sst_pin.model.mechanism import Springs
 from sst_pin.reading import Urdf
+from sst_pin.reading.closing_frames import closures_of_frames
 from sst_pin.reading.mjcf import read_mjcf
-from sst_pin.reading.urdf import closing_frames
 from tests.support.files import file_of_page
 
 LINK = """
@@ -108,7 +108,7 @@ def mimic(leader, *kinds, more=""):
 def test_a_urdf_that_cannot_be_meant_is_refused(urdf, word):
     kinds = {"j0": "SPHERICAL"} if "SPHERICAL" in word else {}
     with pytest.raises(sst_pin.DescriptionError) as caught:
-        list(closing_frames(Urdf(urdf, "test").tree(kinds)))
+        list(closures_of_frames(Urdf(urdf, "test").tree(kinds)))
     assert word in str(caught.value)
 
 
