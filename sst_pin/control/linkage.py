@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Joints of a robot and the motors that move them through linkages: positions, and the Jacobian."""
+"""Joints of a robot and the motors that move them through linkages: positions, and the Jacobian.
+
+The configuration for positions of the joints follows by closing the loops along a path to them. For
+positions of the motors there are two ways. If each motor moves one joint of its own, such as the
+crank of a four-bar, these joints become coordinates in a copy of the robot, and the path leads
+along them. Otherwise, such as for a motor on a line, Newton's method finds the positions of the
+joints.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +34,25 @@ _STEPS = 20
 _LAST_STEP = 1e-12
 
 
+class _MotorCoordinates(NamedTuple):
+    """A robot whose first coordinates are the joints of some motors.
+
+    A motion along these coordinates also passes dead points of the other joints.
+    """
+
+    chain: ClosedChain
+    #: Numbers of these motors among the motors of a `Linkage`, in the order of the coordinates.
+    motors: list[int]
+    #: Rate of each of these motors by the rate of its joint.
+    ratios: Array
+
+    def moved(self, q: Array, distance: Array) -> Array:
+        """The configuration after all motors of the linkage move by distances, shape (motors,)."""
+        step = np.zeros(self.chain.degrees_of_freedom)
+        step[: len(self.motors)] = distance[self.motors] / self.ratios
+        return self.chain.engine.reference.moved(q, step)
+
+
 class Linkage:
     """Positions of some joints and of their motors, and J: motor rates = J joint rates.
 
@@ -44,27 +70,29 @@ class Linkage:
         # This call raises an error unless each joint turns about one axis or slides along one.
         positions_of(space, chain.generic_configuration(), self.joints)
         rates = space.rates_of(self.joints)
-        self.chain = chain.with_coordinates([*self.joints, *_others(chain, rates)])
+        others = _coordinates_beside(chain, rates)
+        self.chain = chain.with_coordinates([*self.joints, *others])
         coordinates = self.chain.mechanism.coordinates
-        #: Which coordinates the joints are.
-        self._columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
+        #: Numbers of the joints among the coordinates.
+        self._joint_columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
 
         # The motors that move with the joints, by J of all motors and coordinates, free of units.
         scale = chain.mechanism.motor_scale
         J = self.chain.actuator_jacobian(self.chain.generic_configuration())
         J = J / scale[:, None] * chain.mechanism.rate_scale[coordinates]
-        moves_with_joints = np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE
-        #: Which motors of the robot these are, and their scales.
-        self._rows = np.flatnonzero(moves_with_joints)
-        self._units = scale[self._rows]
-        self.motors = tuple(self.chain.motor_names[k] for k in self._rows)
+        moves_with_joints = np.abs(J[:, self._joint_columns]).max(axis=1) > RANK_TOLERANCE
+        #: Numbers of these motors among the motors of the robot, and units of their positions.
+        self._motor_rows = np.flatnonzero(moves_with_joints)
+        self._motor_units = scale[self._motor_rows]
+        self.motors = tuple(self.chain.motor_names[k] for k in self._motor_rows)
         self._require_motors(J)
 
-        #: How far each motor moves in a turn of its joint without limits, after which the robot is
-        #: in the same configuration; 0 if it has no such joint.
+        # A joint without limits is a cosine and a sine in q, so no position has its name.
         is_endless = ~np.isin(space.rate_names, space.position_names)
-        factors = np.abs(chain.mechanism.actuation[:, self._rows])
-        self._turns = 2 * np.pi * factors.T @ is_endless
+        factors = np.abs(chain.mechanism.actuation[:, self._motor_rows])
+        #: How far each motor moves in a full turn of its joint without limits, after which the
+        #: robot is in the same configuration; 0 for motors of other joints.
+        self._motor_turns = 2 * np.pi * factors.T @ is_endless
 
     def _require_motors(self, J: Array) -> None:
         """Raise an error unless the motors hold the joints and move no others.
@@ -74,8 +102,8 @@ class Linkage:
         names = self.chain.mechanism.coordinate_rate_names
         motors = ", ".join(self.motors)
         # Entries of the motors of these joints in the columns of other coordinates.
-        shared = np.abs(J[self._rows]) > RANK_TOLERANCE
-        shared[:, self._columns] = False
+        shared = np.abs(J[self._motor_rows]) > RANK_TOLERANCE
+        shared[:, self._joint_columns] = False
         others = np.flatnonzero(shared.any(axis=0))
         # Coordinates that can move while all motors are fixed: the null space of J.
         _, sizes, Vt = np.linalg.svd(J)
@@ -86,7 +114,7 @@ class Linkage:
             cure = f"give a motor to {', '.join(free_others)}, "
             cure += f"or ClosedChain(..., locked={free_others})"
             raise ActuationError(f"the motors {motors} leave {', '.join(free_others)} free: {cure}")
-        free_joints = [names[k] for k in self._columns if is_free[k]]
+        free_joints = [names[k] for k in self._joint_columns if is_free[k]]
         if free_joints:
             joints = ", ".join(free_joints)
             raise ActuationError(f"the motors {motors or '(none)'} do not hold the joints {joints}")
@@ -129,16 +157,17 @@ class Linkage:
             WorkspaceError: If no positions of the joints give these positions of the motors.
         """
         first = self._start(start)
-        in_joints = self._motors_in_joints
+        motor_coordinates = self._motor_coordinates
 
         def one(target: Array) -> Array:
             """The configuration for one set of positions of the motors."""
-            gap = self._distance_to(first, target)
-            if in_joints is None:
-                q = self._by_joints(first, gap)
+            distance = self._distance_to(first, target)
+            if motor_coordinates is None:
+                q = self._by_newton(first, distance)
             else:
-                q = in_joints.moved(first, gap)
-            if np.abs(self._distance_to(q, target) / self._units).max() > np.sqrt(_LAST_STEP):
+                q = motor_coordinates.moved(first, distance)
+            error = self._distance_to(q, target) / self._motor_units
+            if np.abs(error).max() > np.sqrt(_LAST_STEP):
                 raise WorkspaceError(
                     f"no positions of the joints {', '.join(self.joints)} bring the motors "
                     f"{', '.join(self.motors)} to {target.round(6).tolist()}"
@@ -148,46 +177,49 @@ class Linkage:
         targets = finite_array("positions", positions, (len(self.motors),))
         return for_each_sample(one, [targets], (1,), first.shape)
 
-    def _by_joints(self, q: Array, gap: Array) -> Array:
-        """The configuration after motors move by gap, shape (motors,), found by Newton's method.
+    def _by_newton(self, q: Array, distance: Array) -> Array:
+        """The configuration after the motors move by distances, shape (motors,), from q.
 
-        The path of the motors is divided into pieces, at the end of which the joints are found.
+        The path of the motors is divided into pieces. At the end of each, Newton's method finds the
+        positions of the joints: their step is J^+ times the distance that is left.
         """
         start = self.motor_positions(q)
-        pieces = max(1, int(np.ceil(np.abs(gap / self._units).max() / _PIECE)))
+        largest = np.abs(distance / self._motor_units).max()
+        pieces = max(1, int(np.ceil(largest / _PIECE)))
         for piece in range(1, pieces + 1):
-            target = start + gap * (piece / pieces)
+            target = start + distance * (piece / pieces)
             for _ in range(_STEPS):
-                distance = self._distance_to(q, target)
-                step: Array = np.linalg.pinv(self.actuator_jacobian(q)) @ distance
+                J = self.actuator_jacobian(q)
+                step: Array = np.linalg.pinv(J) @ self._distance_to(q, target)
                 q = self._with_joints_moved(q, step)
                 if np.abs(step).max() <= _LAST_STEP * self.chain.mechanism.length:
                     break
         return q
 
     @cached_property
-    def _motors_in_joints(self) -> _MotorsInJoints | None:
+    def _motor_coordinates(self) -> _MotorCoordinates | None:
         """The robot with the motors' own joints as coordinates.
 
         None if a motor moves several joints or a line.
         """
         mechanism = self.chain.mechanism
-        B = mechanism.actuation[:, self._rows]
-        is_on_line = mechanism.lines.actuation[:, self._rows].any()
+        B = mechanism.actuation[:, self._motor_rows]
+        is_on_line = mechanism.lines.actuation[:, self._motor_rows].any()
         is_in_one_joint = np.count_nonzero(B, axis=0) == 1
         if is_on_line or not is_in_one_joint.all():
             return None
-        J = self.actuator_jacobian(self.chain.generic_configuration()) / self._units[:, None]
-        # The first motors whose rows are independent; the others follow.
+        # Of surplus motors, the first ones that are independent; the others follow them.
+        J = self.actuator_jacobian(self.chain.generic_configuration())
+        J = J / self._motor_units[:, None]
         motors: list[int] = []
         for k in range(len(J)):
             if np.linalg.matrix_rank(J[[*motors, k]], tol=RANK_TOLERANCE) > len(motors):
                 motors.append(k)
         rates = np.abs(B[:, motors]).argmax(axis=0)
-        names = [mechanism.space.rate_names[k] for k in rates]
+        joints_of_motors = [mechanism.space.rate_names[k] for k in rates]
         others = [name for name in self.chain.coordinates if name not in self.joints]
-        chain = self.chain.with_coordinates([*names, *others])
-        return _MotorsInJoints(chain, motors, B[rates, motors])
+        chain = self.chain.with_coordinates([*joints_of_motors, *others])
+        return _MotorCoordinates(chain, motors, ratios=B[rates, motors])
 
     def joint_positions(self, q: ArrayLike) -> Array:
         """Positions of the joints, shape (..., joints)."""
@@ -197,18 +229,18 @@ class Linkage:
         """Positions of the motors, shape (..., motors); for a motor on a line its length."""
         mechanism = self.chain.mechanism
         array = self._configurations(q)
-        B = mechanism.actuation[:, self._rows]
+        B = mechanism.actuation[:, self._motor_rows]
         driven = np.flatnonzero(B.any(axis=1))
         at_joints = positions_of(
             mechanism.space, array, [mechanism.space.rate_names[k] for k in driven]
         )
-        on_lines = self.chain.line_lengths(array) @ mechanism.lines.actuation[:, self._rows]
+        on_lines = self.chain.line_lengths(array) @ mechanism.lines.actuation[:, self._motor_rows]
         return np.asarray(at_joints @ B[driven] + on_lines)
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:
         """J: rates of the motors by rates of the joints, shape (..., motors, joints)."""
         J = self.chain.actuator_jacobian(q)
-        return np.asarray(J[..., self._rows, :][..., self._columns])
+        return np.asarray(J[..., self._motor_rows, :][..., self._joint_columns])
 
     def _configurations(self, q: ArrayLike) -> Array:
         """Configurations as an array, shape (..., nq)."""
@@ -223,49 +255,34 @@ class Linkage:
     def _with_joints_moved(self, q: Array, change: Array) -> Array:
         """The configuration after the joints move from q by a change, shape (joints,)."""
         step = np.zeros(self.chain.degrees_of_freedom)
-        step[self._columns] = change
+        step[self._joint_columns] = change
         return self.chain.engine.moved(q, step)
 
     def _distance_to(self, q: Array, target: Array) -> Array:
         """Distances of the motors at q from their target, without full turns, (motors,)."""
-        error = target - self.motor_positions(q)
-        turns = np.round(error / np.where(self._turns, self._turns, 1))
-        return np.asarray(error - self._turns * turns)
+        distance = target - self.motor_positions(q)
+        turns = np.round(distance / np.where(self._motor_turns, self._motor_turns, 1))
+        return np.asarray(distance - self._motor_turns * turns)
 
     def __repr__(self) -> str:
         name = f"{type(self).__name__} of {self.chain.mechanism.model.name}"
         return f"{name}: joints {', '.join(self.joints)}; motors {', '.join(self.motors)}"
 
 
-class _MotorsInJoints(NamedTuple):
-    """A robot some of whose motors are its first coordinates.
+def _coordinates_beside(chain: ClosedChain, rates: Indices) -> list[str]:
+    """Coordinates of a chain that can move while some rates are zero, at a generic configuration.
 
-    A motion by these coordinates also passes dead points of the other joints.
-    """
-
-    chain: ClosedChain
-    #: Which of the motors of a `Linkage` they are.
-    motors: list[int]
-    #: Rate of each motor by the rate of its joint.
-    ratios: Array
-
-    def moved(self, q: Array, gap: Array) -> Array:
-        """The configuration after all motors of the linkage move by gap, shape (motors,)."""
-        step = np.zeros(self.chain.degrees_of_freedom)
-        step[: len(self.motors)] = gap[self.motors] / self.ratios
-        return self.chain.engine.reference.moved(q, step)
-
-
-def _others(chain: ClosedChain, rates: Indices) -> list[str]:
-    """Coordinates of a chain that are free while some rates are fixed, at a generic configuration.
-
-    Those without a motor come first, because a motor of the fixed joints cannot be a coordinate.
+    Those without a motor are chosen first, because a motor of the fixed joints cannot be one.
     """
     engine = chain.engine
     space = chain.mechanism.space
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)
     groups = [space.rates_of([name]) for name in names]
     Phi = scaled_Phi(engine.mechanism, engine.loops.assembly.loops, chain.generic_configuration())
-    chosen = choose_coordinates(engine.mechanism, Phi, [rates, *groups])
-    free = np.setdiff1d(chosen, rates)
-    return [name for name, group in zip(names, groups, strict=True) if np.isin(group, free).all()]
+    independent = choose_coordinates(engine.mechanism, Phi, [rates, *groups])
+    movable = np.setdiff1d(independent, rates)
+    coordinates = []
+    for name, group in zip(names, groups, strict=True):
+        if np.isin(group, movable).all():
+            coordinates.append(name)
+    return coordinates

@@ -26,6 +26,7 @@ from ..engine import require_robot
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed
+from .convex_sets import corners_of_inequalities, hull
 from .motor_limits import combinations, motors_of, part_of, sums_of
 
 
@@ -71,7 +72,8 @@ def force_ellipsoid(
         (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
     require_robot("chain", chain)
-    G, _ = _torques_of_forces(chain, q, frame, turning, _largest_torques(chain, torques))
+    largest = _largest_torques(chain, torques)
+    G = _torques_of_forces(chain, q, frame, turning, largest).G
     s, axes = _singular_values(G.mT)
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
@@ -103,36 +105,32 @@ def force_polytope(
         (4, 3)
     """
     require_robot("chain", chain)
-    from scipy.spatial import ConvexHull
-
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = finite_limits(torques, len(chain.motor_names), "torques")
-    # The parts of the limits that holding the robot takes, whatever the preload.
+    # The parts of the limits that holding the robot takes, as sums that no preload changes.
     zero = np.zeros(chain.degrees_of_freedom)
     factors = combinations(chain.preload_directions(single), limits)
     sums = sums_of(factors, part_of(chain.compute_torques(single, zero, zero), limits))
     if np.abs(sums).max() >= 1:
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
-    G, J = _torques_of_forces(chain, single, frame, turning)
-    moving = _range(J)
+
+    # Forces x along the motions of the frame change the sums by C x.
+    map_of_forces = _torques_of_forces(chain, single, frame, turning)
+    moving = _range(map_of_forces.J)
     if not len(moving):
         kind = "turn" if turning else "translate"
         raise InputError("frame", f"{frame} cannot {kind}: the structure carries all forces on it")
-    # The forces x along the motions of the frame use the sums rows x of the limits, beside the sums
-    # that holding takes: rows x < room in both directions. The corners of this set are the facets
-    # of the dual body, whose points are rows / room (polarity of convex polytopes).
-    parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T
-    rows = sums_of(factors, parts.T).T
-    rows = np.vstack([rows, -rows])
-    room = np.concatenate([1 - sums, 1 + sums])
-    if np.linalg.matrix_rank(rows, RANK_TOLERANCE * np.abs(rows).max(initial=0.0)) < len(moving):
+    torques_of_x = map_of_forces.G @ moving.T
+    parts_of_x = 2 / np.ptp(limits, axis=1)[:, None] * torques_of_x
+    C = sums_of(factors, parts_of_x.T).T
+    if np.linalg.matrix_rank(C, RANK_TOLERANCE * np.abs(C).max(initial=0.0)) < len(moving):
         raise SingularConfigurationError("forces of the frame take no torques", np.inf)
-    dual = rows / room[:, None]
-    if len(moving) == 1:
-        return 1 / hull(dual) @ moving
-    facets = ConvexHull(dual).equations
-    return hull(-facets[:, :-1] / facets[:, -1:]) @ moving
+
+    # The sums stay between -1 and 1.
+    A = np.vstack([C, -C])
+    b = np.concatenate([1 - sums, 1 + sums])
+    return corners_of_inequalities(A, b) @ moving
 
 
 def acceleration_ellipsoid(
@@ -203,8 +201,8 @@ def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
     return np.where(sizes > RANK_TOLERANCE * sizes.max(axis=(-1, -2), keepdims=True), J, 0)
 
 
-def _half(turning: bool) -> slice:
-    """Angular or linear rows of a frame's Jacobian."""
+def _rows(turning: bool) -> slice:
+    """The angular or the linear rows of a frame's Jacobian."""
     return slice(3, 6) if turning else slice(0, 3)
 
 
@@ -213,17 +211,32 @@ def torques_of_wrenches(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
     return np.asarray(np.linalg.pinv(chain.actuator_jacobian(q).mT) @ _jacobian(chain, q, frame).mT)
 
 
-def _torques_of_forces(
-    chain: ClosedChain, q: ArrayLike, frame: str, turning: bool, sizes: Array | float = 1.0
-) -> tuple[Array, Array]:
-    """G, shape (..., motors, 3), of forces or moments, and rows J of the frame's Jacobian.
+class _MapOfForces(NamedTuple):
+    """Forces or moments w on a frame take the torques G w; see the module.
 
-    G gives torques in multiples of sizes; the sum of the squares of these is the least. Refuses
-    forces that move coordinates which no motor holds.
+    Attributes:
+        G: In multiples of some torques, shape (..., motors, 3).
+        J: Linear or angular rows of the frame's Jacobian, shape (..., 3, n).
+    """
+
+    G: Array
+    J: Array
+
+
+def _torques_of_forces(
+    chain: ClosedChain,
+    q: ArrayLike,
+    frame: str,
+    turning: bool,
+    unit_torques: Array | float = 1.0,
+) -> _MapOfForces:
+    """G in multiples of unit torques, shape (motors,) or (); the sum of their squares is the least.
+
+    Refuses forces that move coordinates which no motor holds.
     """
     mechanism = chain.mechanism
-    J = _jacobian(chain, q, frame)[..., _half(turning), :]
-    A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
+    J = _jacobian(chain, q, frame)[..., _rows(turning), :]
+    A = (chain.actuator_jacobian(q) * np.reshape(unit_torques, (-1, 1))).mT
     G = np.asarray(np.linalg.pinv(A) @ J.mT)
     # What the motors leave of the forces along the coordinates, free of units.
     units = mechanism.rate_scale[mechanism.coordinates, None]
@@ -236,7 +249,7 @@ def _torques_of_forces(
         problem = f"no motor holds {listed(list(dict.fromkeys(names)))}"
         error = ActuationError(f"{problem}, which a force on {frame} moves")
         raise of_samples(error, loose.any(axis=-1))
-    return G, J
+    return _MapOfForces(G, J)
 
 
 def _accelerations_by_torques(
@@ -247,12 +260,14 @@ def _accelerations_by_torques(
     motors = len(chain.motor_names)
     configurations = finite_array("q", q, (chain.mechanism.model.nq,))
     rates = np.zeros(n) if va is None else finite_array("va", va, (n,))
-    tau = np.vstack([np.zeros(motors), np.eye(motors)])
+    tau = np.vstack([np.zeros(motors), np.eye(motors)])  # no torques, then one of each motor
     aa = chain.compute_accelerations(configurations[..., None, :], rates[..., None, :], tau)
-    rows = _half(turning)
+    rows = _rows(turning)
     J = _jacobian(chain, configurations, frame)[..., rows, :]
     drift = chain.frame_drift(configurations, rates, frame)[..., rows]
-    return drift + (J @ aa[..., 0, :, None])[..., 0], J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
+    without_torques = drift + (J @ aa[..., 0, :, None])[..., 0]
+    by_torques = J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
+    return without_torques, by_torques
 
 
 def _singular_values(A: Array) -> tuple[Array, Array]:
@@ -267,18 +282,3 @@ def _range(columns: Array) -> Array:
     from scipy.linalg import orth
 
     return np.asarray(orth(columns, RANK_TOLERANCE).T)
-
-
-def hull(points: Array) -> Array:
-    """Corners of the convex hull of points, shape (N, k): for k = 2 in order around it.
-
-    The first corner is the first of the points that is one; for k = 1 the least comes first.
-    """
-    from scipy.spatial import ConvexHull
-
-    if points.shape[1] == 0:
-        return points[:1]
-    if points.shape[1] == 1:
-        return np.array([points.min(axis=0), points.max(axis=0)])
-    around = ConvexHull(points).vertices
-    return np.asarray(points[np.roll(around, -int(around.argmin()))])

@@ -3,14 +3,10 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, Flags, finite_array, single_array
@@ -22,25 +18,11 @@ from ..files import as_path, table_writer, write_files
 from ..loops.frame_guide import FrameGuide
 from ..loops.start import start_of
 from ..model.thresholds import RANK_TOLERANCE
-from ..progress import counted
 from ..simulation.motion_columns import columns_of
-from ..summaries import listed
 from .motor_limits import largest_part
 from .pose_abilities import torques_of_wrenches
-
-#: Words for the codes of `ReachMap.why`.
-REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
-_REACHED = 0
-_JOINT_LIMITS = 1
-_SINGULAR = 2
-_OUT_OF_REACH = 3
-_CUT_OFF = 4
-#: Components of a pose, in the order of a twist [linear; angular].
-_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-#: Number of grid points that are tried from the start: the corners of the cell around it.
-_FROM_START = 4
-#: The shortest step to a pose, as a part of the path to it.
-_SHORTEST = 2**-6
+from .pose_grid import PoseGrid, grid_axes
+from .reach_search import REACHED, reached_from
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +61,7 @@ class ReachMap:
     @property
     def reached(self) -> Flags:
         """Which poses are reached, shape (N, M)."""
-        return self.why == _REACHED
+        return self.why == REACHED
 
     @property
     def area(self) -> float:
@@ -174,13 +156,13 @@ def reach_map(
     for name, value in components.items():
         if value is not None:
             prescribed[name] = finite_array(name, value, ())
-    grid = _Grid(prescribed, _grid_axes(prescribed))
+    grid = PoseGrid(prescribed, grid_axes(prescribed))
     limits = finite_limits(torques, len(chain.motor_names), "torques")
     load = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
 
     # The start.
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
-        # coordinates without motors may have dead points where the motors have none
+        # Coordinates without motors may have dead points where the motors have none: take others.
         chain = chain.with_coordinates(None)
     guess = start_of(chain.engine) if start is None else start
     q_start = chain.assemble(single_array("start", guess, (chain.mechanism.model.nq,)))
@@ -200,17 +182,18 @@ def reach_map(
         orientation_at_zero = single_array("rotation", rotation, (3, 3))
     poses = grid.poses(start_pose.translation, orientation_at_zero)
     start_point = grid.point_of(start_pose, orientation_at_zero)
-    why, q = _reached_from(q_start, start_point, poses, chain, guide)
-    reached = why == _REACHED
+    why, q = reached_from(q_start, start_point, poses, chain, guide)
+    reached = why == REACHED
     q_reached = q[reached]
 
     # Conditioning there.
     A = _motion_by_motors(chain, q_reached, frame, grid)
     _warn_of_thin_map(A, grid.tangents()[reached], grid)
 
-    # Torques that hold these poses: the rows of load @ G_T are G w, which the wrench w replaces.
-    G_T = torques_of_wrenches(chain, q_reached, frame).mT
-    tau = chain.compute_torques(q_reached, zero_rates, zero_rates) - load @ G_T
+    # Torques that hold these poses.
+    tau = chain.compute_torques(q_reached, zero_rates, zero_rates)
+    G = torques_of_wrenches(chain, q_reached, frame)
+    tau = tau - load @ G.mT  # the wrench w on the frame replaces the torques G w
     preloads = chain.preload_directions(q_reached)
     holding = np.empty(tau.shape)
     for k in range(len(tau)):
@@ -238,127 +221,7 @@ def _on_grid(reached: Flags, values: Array) -> Array:
     return on_grid
 
 
-# --- the grid -----------------------------------------------------------------------------------
-
-
-def _grid_axes(prescribed: Mapping[str, Array]) -> tuple[str, str]:
-    """Names of the two components that are grids; anything else is refused."""
-    axes = [name for name, values in prescribed.items() if values.ndim > 0]
-    if len(axes) != 2 or any(prescribed[axis].ndim != 1 for axis in axes):
-        raise InputError(", ".join(_AXES), "exactly two of them must be arrays, of shape (N,)")
-    for axis in axes:
-        if len(prescribed[axis]) < 2 or (np.diff(prescribed[axis]) <= 0).any():
-            raise InputError(axis, "a grid has two values or more, increasing")
-    return axes[0], axes[1]
-
-
-@dataclass(frozen=True)
-class _Grid:
-    """The wanted poses, on N x M points.
-
-    The position of the frame is prescribed as a whole if x, y or z is given, its orientation if an
-    angle is given. The other one of the two is ignored.
-    """
-
-    #: A number or the values of a grid for each component that is given.
-    prescribed: Mapping[str, Array]
-    #: The two components that are grids.
-    axes: tuple[str, str]
-
-    @property
-    def values(self) -> tuple[Array, Array]:
-        """Values of both axes, shapes (N,) and (M,)."""
-        return self.prescribed[self.axes[0]], self.prescribed[self.axes[1]]
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """N and M."""
-        first, second = self.values
-        return len(first), len(second)
-
-    @property
-    def with_position(self) -> bool:
-        """Whether the position is prescribed."""
-        return not self.prescribed.keys().isdisjoint(_AXES[:3])
-
-    @property
-    def with_orientation(self) -> bool:
-        """Whether the orientation is prescribed."""
-        return not self.prescribed.keys().isdisjoint(_AXES[3:])
-
-    @property
-    def is_prescribed(self) -> Flags:
-        """Which components of a twist [linear; angular] are prescribed, c of them, shape (6,)."""
-        return np.repeat([self.with_position, self.with_orientation], 3)
-
-    @property
-    def names(self) -> NDArray[np.str_]:
-        """Names of the prescribed components, shape (c,)."""
-        return np.array(_AXES)[self.is_prescribed]
-
-    def component(self, name: str, default: float) -> Array:
-        """The value of a component at each point, shape (N, M)."""
-        first, second = np.meshgrid(*self.values, indexing="ij")
-        if name == self.axes[0]:
-            return first
-        if name == self.axes[1]:
-            return second
-        return np.full(self.shape, self.prescribed.get(name, default))
-
-    def poses(self, default_position: Array, orientation_at_zero: Array) -> Array:
-        """Homogeneous matrices, shape (N, M, 4, 4).
-
-        Args:
-            default_position: x, y and z where they are not given, shape (3,).
-            orientation_at_zero: The orientation where the angles are 0, shape (3, 3).
-        """
-        defaults = [*default_position, 0.0, 0.0, 0.0]
-        components = [self.component(*pair) for pair in zip(_AXES, defaults, strict=True)]
-        at_points = np.stack(components, axis=-1)
-        poses = np.empty((*self.shape, 4, 4))
-        for point in np.ndindex(self.shape):
-            position = at_points[point][:3]
-            turn = pin.rpy.rpyToMatrix(at_points[point][3:])
-            poses[point] = pin.SE3(turn @ orientation_at_zero, position).homogeneous
-        return poses
-
-    def point_of(self, pose: pin.SE3, orientation_at_zero: Array) -> Array:
-        """Where a pose is on the grid, in steps of the grid along both axes, shape (2,)."""
-        angles = pin.rpy.matrixToRpy(pose.rotation @ orientation_at_zero.T)
-        components = dict(zip(_AXES, [*pose.translation, *angles], strict=True))
-        point = np.empty(2)
-        for k, (axis, values) in enumerate(zip(self.axes, self.values, strict=True)):
-            point[k] = np.interp(components[axis], values, np.arange(len(values)))
-        return point
-
-    def tangents(self) -> Array:
-        """Derivatives of the poses by both axes, shape (N, M, c, 2), as twists in base axes.
-
-        Only prescribed components of the twists [linear; angular] are returned.
-        """
-        pitch = self.component("pitch", 0.0)
-        yaw = self.component("yaw", 0.0)
-        zero = np.zeros(self.shape)
-        one = np.ones(self.shape)
-        # The orientation is R_z(yaw) R_y(pitch) R_x(roll): the axis of each angle in base axes.
-        rotation_axes = {
-            "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
-            "pitch": [-np.sin(yaw), np.cos(yaw), zero],
-            "yaw": [zero, zero, one],
-        }
-        twists = np.zeros((*self.shape, 6, 2))
-        for k, axis in enumerate(self.axes):
-            if axis in rotation_axes:
-                twists[..., 3:, k] = np.stack(rotation_axes[axis], axis=-1)
-            else:
-                twists[..., _AXES.index(axis), k] = 1.0
-        return twists[..., self.is_prescribed, :]
-
-
-# --- the frame's motion by the motors -------------------------------------------------------------
-
-
-def _motion_by_motors(chain: ClosedChain, q: Array, frame: str, grid: _Grid) -> Array:
+def _motion_by_motors(chain: ClosedChain, q: Array, frame: str, grid: PoseGrid) -> Array:
     """A: the frame's prescribed twist is A times the rates of the motors, shape (..., c, motors).
 
     Both are free of units: lengths are divided by the robot's length, rates of motors by
@@ -371,7 +234,7 @@ def _motion_by_motors(chain: ClosedChain, q: Array, frame: str, grid: _Grid) -> 
     return A[..., grid.is_prescribed, :]
 
 
-def _motor_guide(chain: ClosedChain, frame: str, grid: _Grid) -> FrameGuide:
+def _motor_guide(chain: ClosedChain, frame: str, grid: PoseGrid) -> FrameGuide:
     """A guide that moves the frame along prescribed components by the motors."""
     mechanism = chain.mechanism
     unit_rates = np.eye(mechanism.model.nv)
@@ -392,12 +255,14 @@ def _motor_guide(chain: ClosedChain, frame: str, grid: _Grid) -> FrameGuide:
     )
 
 
-def _require_motion(A: Array, grid: _Grid) -> None:
+def _require_motion(A: Array, grid: PoseGrid) -> None:
     """Refuse a frame that cannot move along both axes of the grid from the start, by A there."""
-    names = grid.names
+    names = list(grid.names)
     for axis in grid.axes:
-        if _is_stuck(A, np.eye(len(A))[:, names == axis]):
-            others = ", ".join(names[names != axis])
+        direction = np.zeros((len(names), 1))
+        direction[names.index(axis)] = 1.0
+        if _is_stuck(A, direction):
+            others = ", ".join(name for name in names if name != axis)
             problem = f"at the start the motors cannot move the frame along it with {others} fixed"
             cause = "the robot has fewer freedoms or motors, or the start is singular"
             raise InputError(axis, f"{problem}: {cause}")
@@ -414,7 +279,7 @@ def _is_stuck(A: Array, directions: Array) -> Flags:
     return np.asarray(np.abs(residual).max(axis=(-2, -1)) > np.sqrt(RANK_TOLERANCE))
 
 
-def _warn_of_thin_map(A: Array, tangents: Array, grid: _Grid) -> None:
+def _warn_of_thin_map(A: Array, tangents: Array, grid: PoseGrid) -> None:
     """Warn if at most poses that are reached the frame cannot move along both axes of the grid.
 
     Args:
@@ -444,76 +309,3 @@ def _conditions(A: Array) -> Array:
     largest_rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
     with np.errstate(divide="ignore"):
         return np.asarray(s[:, 0] / s[:, largest_rank - 1])
-
-
-# --- which poses are reached --------------------------------------------------------------------
-
-
-class _Attempt(NamedTuple):
-    """A motion to a point of the grid, from a configuration with closed loops."""
-
-    q: Array
-    point: tuple[int, int]
-
-
-def _reached_from(
-    q_start: Array, start_point: Array, poses: Array, chain: ClosedChain, guide: FrameGuide
-) -> tuple[NDArray[np.int8], Array]:
-    """Codes (see `REASONS`) and configurations of all poses, shapes (N, M) and (N, M, nq).
-
-    The points of the grid next to `start_point` are tried from the start. Each pose that is reached
-    adds its neighbours to a queue, with its configuration as the start of the motion to them.
-    """
-    joints = _joints_beyond_limits(chain, q_start)
-    if joints:
-        raise InputError("start", f"outside the limits of {listed(joints)}")
-    shape = poses.shape[:2]
-    why = np.full(shape, _CUT_OFF, dtype=np.int8)
-    q = np.full((*shape, len(q_start)), np.nan)
-
-    distances = np.linalg.norm(np.indices(shape) - start_point[:, None, None], axis=0)
-    nearest_points = np.argsort(distances, axis=None, kind="stable")[:_FROM_START]
-    queue = deque[_Attempt]()
-    for k in nearest_points:
-        queue.append(_Attempt(q_start, divmod(int(k), shape[1])))
-
-    def attempts() -> Iterator[_Attempt]:
-        while queue:
-            yield queue.popleft()
-
-    for attempt in counted(attempts(), "reach_map, poses tried"):
-        point = attempt.point
-        if why[point] == _REACHED:
-            continue
-        end = guide.follow(attempt.q, pin.SE3(poses[point]), _SHORTEST)
-        if end.singular:
-            reason = _SINGULAR
-        elif end.missed:
-            reason = _OUT_OF_REACH
-        elif _joints_beyond_limits(chain, end.q):
-            reason = _JOINT_LIMITS
-        else:
-            reason = _REACHED
-            q[point] = end.q
-            for neighbour in _neighbours(point, shape):
-                queue.append(_Attempt(end.q, neighbour))
-        # A pose that is not reached may be tried from several neighbours. The smallest code counts.
-        why[point] = min(why[point], reason)
-    return why, q
-
-
-def _joints_beyond_limits(chain: ClosedChain, q: Array) -> list[str]:
-    """Joints that are beyond their limits at q."""
-    joints: list[str] = []
-    for finding in chain.check_limits(q):
-        if not finding.singular:
-            joints.extend(finding.joints)
-    return joints
-
-
-def _neighbours(point: tuple[int, int], shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
-    """The two, three or four neighbours of a point on a grid."""
-    i, j = point
-    for row, column in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
-        if 0 <= row < shape[0] and 0 <= column < shape[1]:
-            yield row, column

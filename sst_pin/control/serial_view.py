@@ -16,8 +16,8 @@ from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import limits_of
 from ..engine import require_robot
 from ..errors import InputError, SingularConfigurationError
+from .convex_sets import hull
 from .linkage import Linkage
-from .pose_abilities import hull
 
 
 class SerialView(Linkage):
@@ -68,6 +68,7 @@ class SerialView(Linkage):
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         require_robot("chain", chain)
         super().__init__(chain, joints)
+        #: The same robot with massless serial bodies: what is left are the linkages.
         self._linkages = self.chain.with_model(_without_serial_bodies(self.chain))
 
     def compile(self) -> None:
@@ -149,6 +150,7 @@ class SerialView(Linkage):
             polygons = [hull(points) for points in at_joints.reshape(-1, *at_joints.shape[-2:])]
         except QhullError:
             raise SingularConfigurationError("the motors do not hold all joints", np.inf) from None
+        # Polygons with fewer corners than others repeat the last one.
         most = max(map(len, polygons), default=0)
         padded = []
         for polygon in polygons:
@@ -160,7 +162,7 @@ class SerialView(Linkage):
         """Least and largest torques of the motors, shape (motors, 2)."""
         if limits is not None:
             return limits_of(finite_array("limits", limits, ()), len(self.motors))
-        B = self.chain.mechanism.actuation[:, self._rows]
+        B = self.chain.mechanism.actuation[:, self._motor_rows]
         is_direct = (np.count_nonzero(B, axis=0) == 1) & (np.abs(B).sum(axis=0) == 1)
         effort = np.abs(B).T @ self.chain.mechanism.model.effortLimit
         is_limited = (effort > 0) & (effort < np.finfo(float).max)
@@ -212,16 +214,16 @@ class SerialView(Linkage):
         rates along two joints: 2 J_m'[i, j] = a_m(e_i + e_j) - a_m(e_i) - a_m(e_j).
         """
         mechanism = self.chain.mechanism
-        if mechanism.lines.actuation[:, self._rows].any():
+        if mechanism.lines.actuation[:, self._motor_rows].any():
             raise InputError("tau", "not for motors on lines")
         k = len(self.joints)
         n = self.chain.degrees_of_freedom
         tau = finite_array("tau", tau, (len(self.motors),))
         rates = np.zeros((k, k, n))  # e_i + e_j
-        rates[..., self._columns] = np.eye(k)[:, None] + np.eye(k)
+        rates[..., self._joint_columns] = np.eye(k)[:, None] + np.eye(k)
         q_for_pairs = self._configurations(q)[..., None, None, :]
         accelerations = self.chain.joint_accelerations(q_for_pairs, rates, np.zeros(n))
-        a_of_sums = accelerations @ mechanism.actuation[:, self._rows]
+        a_of_sums = accelerations @ mechanism.actuation[:, self._motor_rows]
         a_of_single = np.einsum("...iim->...im", a_of_sums) / 4  # of e_i: the diagonal has 2 e_i
         slope = (a_of_sums - a_of_single[..., :, None, :] - a_of_single[..., None, :, :]) / 2
         return np.einsum("...ijm,...m->...ij", slope, tau)

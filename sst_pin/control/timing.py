@@ -2,10 +2,13 @@
 """The fastest motion along a path within limits of the motors.
 
 The path is a curve x(s) of the coordinates, 0 <= s <= 1; w and u are the first and second time
-derivatives of s. `path_forces` has the parts of the limits that the motion uses by w and u. H. Pham
-and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability analysis,
-IEEE Trans. Robotics 34(3), 2018, solve for w^2. Viscous friction d(s) w is linearized about the
-previous solution.
+derivatives of s. `path_forces` has the parts of the limits that the motion uses,
+
+    a u + b w^2 + c + d w + dry.
+
+H. Pham and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
+analysis, IEEE Trans. Robotics 34(3), 2018, find the largest w^2(s) for d = 0; then the parts are
+linear in u and w^2. Viscous friction d w is linearized about the previous solution.
 """
 
 from __future__ import annotations
@@ -20,7 +23,8 @@ from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import ActuationError, MissingExtraError
 from ..simulation.trajectories import Trajectory
-from .path_forces import MARGIN, MotorLimits, Parts, PathForces
+from .path_forces import Parts, PathForces
+from .path_limits import MARGIN, MotorLimits
 from .smooth_path import SmoothPath
 
 #: Number of intervals at whose ends the dynamics is computed first.
@@ -107,7 +111,7 @@ def time_optimal(
 
 
 class _Profile(NamedTuple):
-    """How fast the path is followed: u is constant between the points of a grid.
+    """How fast the path is followed: u is constant between the N + 1 points of a grid.
 
     So w^2 is linear in s between them, with the slope 2 u.
     """
@@ -115,148 +119,171 @@ class _Profile(NamedTuple):
     #: Points of the grid, shape (N + 1,).
     s: Array
     #: w^2 there, shape (N + 1,).
-    x: Array
+    w_squared: Array
 
     @property
     def u(self) -> Array:
         """Second derivatives of s by time, shape (N,)."""
-        return np.diff(self.x) / np.diff(self.s) / 2
+        return np.diff(self.w_squared) / np.diff(self.s) / 2
 
     @property
     def times(self) -> Array:
-        """When the points of the grid are passed, shape (N + 1,)."""
-        w = np.sqrt(self.x)
+        """Times at which the points of the grid are passed, shape (N + 1,)."""
+        w = np.sqrt(self.w_squared)
         return np.append(0, np.cumsum(2 * np.diff(self.s) / (w[1:] + w[:-1])))
 
     def places(self, t: Array) -> Array:
         """The points s of the path at times t."""
         times = self.times
         i = np.clip(np.searchsorted(times, t, "right") - 1, 0, len(times) - 2)
-        late = t - times[i]
-        s = self.s[i] + np.sqrt(self.x[i]) * late + self.u[i] * late**2 / 2
+        since = t - times[i]
+        s = self.s[i] + np.sqrt(self.w_squared[i]) * since + self.u[i] * since**2 / 2
         return np.clip(s, self.s[i], self.s[i + 1])
 
     def states(self, path: SmoothPath, s: Array) -> tuple[Array, Array, Array]:
         """q, va, aa at points of the path."""
         i = np.clip(np.searchsorted(self.s, s, "right") - 1, 0, len(self.s) - 2)
-        x = np.interp(s, self.s, self.x)[:, None]
+        w_squared = np.interp(s, self.s, self.w_squared)[:, None]
         u = self.u[i, None]
-        q, first, second = path.at(s)
-        return q, np.sqrt(x) * first, x * second + u * first
+        q, first, second = path.at(s)  # x' and x''
+        return q, np.sqrt(w_squared) * first, w_squared * second + u * first
 
     def used(self, forces: PathForces) -> Array:
         """The largest part of a limit that is used, shape (tested points, N intervals)."""
         s = self.s[:-1] + np.diff(self.s) * _TESTED[:, None]
-        x = np.interp(s, self.s, self.x).ravel()
-        a, b, c, d, dry, most = forces.at(s.ravel())
+        w_squared = np.interp(s, self.s, self.w_squared).reshape(-1, 1)
+        w = np.sqrt(w_squared)
         u = np.tile(self.u, len(_TESTED))[:, None]
-        w = np.sqrt(x)[:, None]
-        friction = d * w + np.where(w > 0, dry, 0)
-        parts = a * u + b * w**2 + c + friction
-        return np.maximum(parts.max(axis=1), w[:, 0] / most).reshape(s.shape)
+        parts = forces.at(s.ravel())
+        dry = np.where(w > 0, parts.dry, 0)  # at rest there is none
+        sums = parts.a * u + parts.b * w_squared + parts.c + parts.d * w + dry
+        used = np.maximum(sums.max(axis=1), w[:, 0] / parts.most)
+        return used.reshape(s.shape)
 
 
 def _fastest(forces: PathForces) -> _Profile:
     """The fastest profile, on a grid that is refined until it keeps the limits."""
     s = np.linspace(0, 1, _INTERVALS + 1)
-    guess = _start(s, forces) if forces.viscous else None
+    guess = _first_guess(s, forces) if forces.viscous else None
     for attempt in range(_PASSES):
-        profile = _Profile(s, _solved(s, forces, guess))
+        profile = _Profile(s, _largest_w_squared(s, forces, guess))
         used = profile.used(forces)
-        worst = used.max(axis=0)
-        exceeds = worst > 1 - MARGIN / 4
+        most_used = used.max(axis=0)
+        exceeds = most_used > 1 - MARGIN / 4
         if attempt > 0 and not exceeds.any():
             break
         # The more an interval exceeds a limit, the finer it is divided.
-        pieces = np.where(exceeds, 2 + (worst - 1) / MARGIN, 1)
+        pieces = np.where(exceeds, 2 + (most_used - 1) / MARGIN, 1)
         if attempt == 0:
-            busy_pieces = np.where(worst > _BUSY, np.ptp(used, axis=0) / _CHANGE, 1)
+            busy_pieces = np.where(most_used > _BUSY, np.ptp(used, axis=0) / _CHANGE, 1)
             pieces = np.maximum(pieces, busy_pieces)
         finer = _divided(s, np.ceil(np.clip(pieces, 1, _PIECES)))
         if guess is not None:
-            guess = np.interp(finer, s, profile.x)
+            guess = np.interp(finer, s, profile.w_squared)
         s = finer
     return profile
 
 
 def _divided(s: Array, pieces: Array) -> Array:
-    """A grid with each interval divided into so many equal pieces; `pieces` has shape (N,)."""
+    """A grid in which each interval of s is divided into equal pieces, numbers of shape (N,)."""
     ends = np.append(0, np.cumsum(pieces))
     return np.interp(np.arange(ends[-1] + 1), ends, s)
 
 
-def _start(s: Array, forces: PathForces) -> Array:
-    """First guess of w^2 for the linearization: not above what viscous friction allows."""
+def _first_guess(s: Array, forces: PathForces) -> Array:
+    """First guess of w^2 for the linearization: not above what viscous friction allows.
+
+    Without motion the parts c + dry are used, and d w can use the rest of each limit.
+    """
     parts = forces.at(s)
-    x = _linear(s, forces.unit, parts)
-    free = np.maximum(1 - parts.c - parts.dry, _CREEP)
+    w_squared = _without_viscous_friction(s, forces.unit, parts)
+    rest = np.maximum(1 - parts.c - parts.dry, _CREEP)
     with np.errstate(divide="ignore"):
-        return np.minimum(x, (free / np.abs(parts.d)).min(axis=1) ** 2)
+        w_by_friction = (rest / np.abs(parts.d)).min(axis=1)
+    return np.minimum(w_squared, w_by_friction**2)
 
 
-def _solved(s: Array, forces: PathForces, guess: Array | None) -> Array:
+def _largest_w_squared(s: Array, forces: PathForces, guess: Array | None) -> Array:
     """The largest w^2 within the limits at points s, shape (N + 1,).
 
     Viscous friction needs a guess of w^2; it is None if there is no viscous friction.
     """
     parts = forces.at(s)
     if guess is None:
-        return _linear(s, forces.unit, parts)
-    x = guess
+        return _without_viscous_friction(s, forces.unit, parts)
+    w_squared = guess
     for _ in range(_PASSES):
-        # d w is linear in w^2 about the last solution: d w = d w_0 / 2 + d / (2 w_0) w^2.
-        w = np.sqrt(x)[:, None]
+        # d w is linear in w^2 about the last solution w_0: d w = d w_0 / 2 + d / (2 w_0) w^2.
+        w_0 = np.sqrt(w_squared)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(w > 0, parts.d / (2 * w), 0)
-        linear = parts._replace(b=parts.b + slope, c=parts.c + parts.d * w / 2)
-        previous = x
-        x = _linear(s, forces.unit, linear)
-        if (np.abs(x - previous) <= _CONVERGED * x).all():
+            slope = np.where(w_0 > 0, parts.d / (2 * w_0), 0)
+        linearized = parts._replace(b=parts.b + slope, c=parts.c + parts.d * w_0 / 2)
+        previous = w_squared
+        w_squared = _without_viscous_friction(s, forces.unit, linearized)
+        if (np.abs(w_squared - previous) <= _CONVERGED * w_squared).all():
             break
-    return x
+    return w_squared
 
 
-def _linear(s: Array, unit: float, parts: Parts) -> Array:
-    """The largest w^2 within the limits without the part d, at rest at the ends, by toppra."""
+def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
+    """The largest w^2 within the limits without the part d, at rest at the ends, by toppra.
+
+    Time is scaled by `unit`, so that w is about one: the tolerances of toppra are absolute.
+    """
     try:
         from toppra import SplineInterpolator
         from toppra.algorithm import TOPPRA
         from toppra.constraint import LinearConstraint
     except ImportError:
         raise MissingExtraError("toppra", "timing") from None
-    # The tolerances of toppra are absolute, so time is scaled until w is about one.
     a = parts.a / unit**2
     b = parts.b / unit**2
     c = parts.c
-    dry = parts.dry.copy()
-    dry[[0, -1]] = 0.0  # at rest there is none
     # Limits hold at both ends of each interval, with the larger Coulomb friction of both. Between
     # them u is constant, so w^2 grows by 2 u ds, and b w^2 at the end depends on u too.
+    dry = parts.dry.copy()
+    dry[[0, -1]] = 0.0  # at rest there is none
     dry = np.maximum(dry[:-1], dry[1:])
     a_at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
     a_rows = np.hstack([a[:-1], a_at_end])
     b_rows = np.hstack([b[:-1], b[1:]])
     c_rows = np.hstack([c[:-1] + dry, c[1:] + dry])
-    # toppra expects rows at each point of the grid; the last point repeats the last interval.
-    rows = [np.vstack([x, x[-1]]) for x in (a_rows, b_rows, c_rows)]
-    k = a_rows.shape[1]
     squares = np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, _FASTEST)
-    bounds = np.column_stack([np.zeros_like(s), squares])
-    constraint = (*rows, np.eye(k), np.full(k, 1 - MARGIN))
 
-    class Rows(LinearConstraint):  # type: ignore[misc]
+    class Limits(LinearConstraint):  # type: ignore[misc]
+        """F (a u + b w^2 + c) <= g and 0 <= w^2 <= bounds at each point, as toppra asks for it."""
+
         def __init__(self) -> None:
             super().__init__()
-            self.identical = True
+            self.identical = True  # F and g are the same at all points
 
         def compute_constraint_params(self, path: object, grid: Array) -> Any:
-            return (*constraint, None, bounds)
+            k = a_rows.shape[1]
+            F = np.eye(k)
+            g = np.full(k, 1 - MARGIN)
+            bounds_of_u = None
+            bounds_of_w_squared = np.column_stack([np.zeros_like(s), squares])
+            return (
+                _with_last_repeated(a_rows),
+                _with_last_repeated(b_rows),
+                _with_last_repeated(c_rows),
+                F,
+                g,
+                bounds_of_u,
+                bounds_of_w_squared,
+            )
 
     line = SplineInterpolator([0.0, 1.0], [[0.0], [1.0]])
-    solver = TOPPRA([Rows()], line, gridpoints=s, solver_wrapper="seidel")
+    solver = TOPPRA([Limits()], line, gridpoints=s, solver_wrapper="seidel")
     _, w, _, K = solver.compute_parameterization(0.0, 0.0, return_data=True)
     if w is None or not np.isfinite(w).all():
+        # K has the controllable w^2 at each point, NaN where there is none.
         lost = s[np.isnan(K).any(axis=1)]
         at = f" beyond {lost.max():.0%} of it" if lost.size else ""
         raise ActuationError(f"the limits allow no motion from rest to rest along the path{at}")
     return np.asarray((w / unit) ** 2)
+
+
+def _with_last_repeated(rows: Array) -> Array:
+    """Rows of the intervals for the points of the grid: the last point has the last interval's."""
+    return np.vstack([rows, rows[-1]])

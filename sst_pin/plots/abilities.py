@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, single_array
 from ..control.pose_abilities import Ellipsoid
-from ..control.reach import REASONS, ReachMap
+from ..control.reach import ReachMap
+from ..control.reach_search import REASONS
 from ..errors import InputError
 from .style import Axes
 

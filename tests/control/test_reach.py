@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import label
 
 import sst_pin
-from sst_pin.control.reach import REASONS
+from sst_pin.control.reach_search import REASONS
 from sst_pin.files import read_table
 from tests.support.by_hand import wrenches_of
 from tests.support.planar_bars import planar
