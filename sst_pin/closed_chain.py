@@ -496,13 +496,15 @@ class ClosedChain(RobotProperties, Summary):
         engine = self._engine
         # The kernel is called with unchecked arguments: in a control loop, checks take longer. It
         # gives no answer for wrong ones, and the checks of `engine.torques` find the reason.
-        fast = external_wrenches is weights is preload is limits is None and on_error == "raise"
-        kernel = engine.torque_kernel if fast else None
+        is_plain = weights is None and preload is None and limits is None
+        kernel = None
+        if is_plain and external_wrenches is None and on_error == "raise":
+            kernel = engine.torque_kernel
         if kernel is not None:
             tau = kernel(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        share = preload is not None or limits is not None
+        is_shared = preload is not None or limits is not None
         tau = engine.torques(
             q,
             va,
@@ -510,12 +512,12 @@ class ClosedChain(RobotProperties, Summary):
             platform_moment=platform_moment,
             external_wrenches=external_wrenches,
             weights=weights,
-            out=None if share else out,
+            out=None if is_shared else out,
             threads=threads,
             on_error=on_error,
-            refused=kernel is not None,
+            ask_kernel=kernel is None,
         )
-        if not share:
+        if not is_shared:
             return tau
         directions = engine.preload_directions(q, on_error)
         return torque_sharing.shared_torques(
@@ -528,11 +530,11 @@ class ClosedChain(RobotProperties, Summary):
         """f, shape (..., n): L^T times the joint forces that a motion needs, [N m] or [N]."""
         engine = self._engine
         kernel = None if options else engine.force_kernel
-        if kernel is not None:
+        if kernel is not None:  # as in `compute_torques`
             f = kernel(q, va, aa, None, None, 1)
             if f is not None:
                 return f
-        return engine.generalized_forces(q, va, aa, refused=kernel is not None, **options)
+        return engine.generalized_forces(q, va, aa, ask_kernel=kernel is None, **options)
 
     def compute_accelerations(
         self,
@@ -548,9 +550,10 @@ class ClosedChain(RobotProperties, Summary):
     ) -> Array:
         """Direct dynamics, Eq. (92): accelerations aa of the coordinates, shape (..., n)."""
         engine = self._engine
-        fast = external_wrenches is None and on_error == "raise"
-        kernel = engine.acceleration_kernel if fast else None
-        if kernel is not None:
+        kernel = None
+        if external_wrenches is None and on_error == "raise":
+            kernel = engine.acceleration_kernel
+        if kernel is not None:  # as in `compute_torques`
             aa = kernel(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
@@ -563,7 +566,7 @@ class ClosedChain(RobotProperties, Summary):
             out=out,
             threads=threads,
             on_error=on_error,
-            refused=kernel is not None,
+            ask_kernel=kernel is None,
         )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
@@ -607,7 +610,7 @@ class ClosedChain(RobotProperties, Summary):
                 then in closures, in the order of `names`.
         """
         at_rest = [0.0] * len(self.mechanism.coordinates)
-        if va is aa is tau is None:
+        if va is None and aa is None and tau is None:
             aa = at_rest
         return self._engine.reactions(
             q, at_rest if va is None else va, aa, tau, stiffness, axes, **options

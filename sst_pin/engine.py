@@ -92,13 +92,18 @@ def require_robot(name: str, value: object) -> None:
 class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
-    Each quantity has a method, with the arguments that `ClosedChain` describes. It asks the kernel
-    of the quantity first. The reference path computes all samples for which the kernel gives no
-    result; it finds the result or raises the error.
+    Each quantity has a method, with the arguments that `ClosedChain` describes. A method computes
+    it in this order, until there is a result:
 
-    Some methods have an argument `refused`. In control loops `ClosedChain` asks the kernel itself
-    (`torque_kernel` and so on). If this gave no answer, it calls the method with `refused=True`, so
-    that the kernel is not asked again.
+    1. It asks `Kernel.answer`, with unchecked arguments, because checks take longer than a kernel.
+    2. It checks the arguments. If they are wrong, it raises an error.
+    3. For a batch it calls `Kernel.many`. A single sample that got no answer in step 1 skips this:
+       it would fail the same checks of the kernel.
+    4. The reference path computes the samples that are left. It finds the result or raises the
+       error.
+
+    In control loops `ClosedChain` does step 1 itself (by `torque_kernel` and so on). Without an
+    answer it calls the method with `ask_kernel=False`, so that step 1 is not done again.
 
     Args:
         mechanism: The mechanism.
@@ -128,7 +133,7 @@ class Engine:
         self._n = len(mechanism.coordinates)
         self._motors = mechanism.motor_count
         if kernels is not None:
-            self._kernels = kernels  # in place of the cached property
+            self._kernels_or_reason = kernels  # in place of the cached property
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickled, (self.mechanism, self.make_kernels, self.platform)
@@ -136,8 +141,8 @@ class Engine:
     # --- what computes ----------------------------------------------------------------------
 
     @cached_property
-    def _kernels(self) -> Kernels | str:
-        """The kernels, or why there are none."""
+    def _kernels_or_reason(self) -> Kernels | str:
+        """The kernels, or a text that says why there are none."""
         if self.make_kernels is None:
             return "no kernels yet; compile() makes them"
         try:
@@ -148,12 +153,15 @@ class Engine:
     @cached_property
     def kernels(self) -> Kernels | None:
         """The compiled kernels; None where the reference path computes everything."""
-        return None if isinstance(self._kernels, str) else self._kernels
+        kernels = self._kernels_or_reason
+        return None if isinstance(kernels, str) else kernels
 
     @property
     def backend(self) -> str:
         """A sentence that says which backend is in use, and why."""
-        return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
+        if self.kernels is None:
+            return f"the reference path: {self._kernels_or_reason}"
+        return str(self.kernels)
 
     def kernel(self, key: Quantity) -> Kernel | None:
         """The kernel of a quantity; None where the reference path computes it."""
@@ -179,6 +187,141 @@ class Engine:
         kernel = self.kernel(Quantity("accelerations"))
         return None if kernel is None else kernel.answer
 
+    # --- kernel or reference path -----------------------------------------------------------
+
+    def _without_loads(
+        self,
+        key: Quantity,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, ...],
+        q: ArrayLike,
+        vectors: Mapping[str, ArrayLike],
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """A quantity on which no loads act; `of_sample(q, *vectors)` computes one sample."""
+        kernel = self.kernel(key)
+        asked = False
+        if kernel is not None and on_error == "raise":
+            asked, answer = _answer(kernel, shape, q, vectors, None, out, threads)
+            if answer is not None:
+                return answer
+        if key.frame is not None:
+            of_sample = partial(of_sample, frame=frame_id(self.mechanism.model, key.frame))
+        samples = self.arguments.state(q, **vectors)
+        return self._each_sample(
+            of_sample,
+            samples,
+            [1 for _ in samples],
+            shape,
+            kernel,
+            asked=asked,
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
+
+    def _under_loads(
+        self,
+        key: Quantity,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, ...],
+        q: ArrayLike,
+        vectors: Mapping[str, ArrayLike],
+        *,
+        kernel_exists: bool = True,
+        ask_kernel: bool = True,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """A quantity under loads; `of_sample(q, *vectors, wrenches)` computes one sample.
+
+        `kernel_exists` is False if kernels do not take all arguments, and `ask_kernel` if the
+        caller has asked `Kernel.answer` already.
+        """
+        kernel = None
+        if kernel_exists and external_wrenches is None:
+            kernel = self.kernel(key)
+        asked = not ask_kernel
+        if kernel is not None and ask_kernel and on_error == "raise":
+            asked, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
+            if answer is not None:
+                return answer
+        wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
+        state = self.arguments.state(q, **vectors)
+        if kernel_exists and wrenches is not None:
+            # `Kernel.answer` takes a moment on the platform. For `Kernel.many`, the moment is among
+            # the wrenches on bodies, which have a kernel of their own.
+            kernel = self.kernel(key._replace(loaded=True))
+        return self._each_sample(
+            of_sample,
+            [*state, wrenches],
+            [*(1 for _ in state), 2],
+            shape,
+            kernel,
+            asked=asked,
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
+
+    def _each_sample(
+        self,
+        of_sample: Callable[..., Array],
+        samples: Sequence[Array | None],
+        axes: Sequence[int],
+        shape: tuple[int, ...],
+        kernel: Kernel | None,
+        *,
+        asked: bool,
+        out: Array | None,
+        threads: int,
+        on_error: str,
+    ) -> Array:
+        """Results for checked arrays: steps 3 and 4 of the class.
+
+        Args:
+            of_sample: The reference path: computes one sample from an array of each of `samples`.
+            samples: Arrays with a sample or a batch, None for no loads.
+            axes: Number of axes of one sample, for each of `samples`.
+            shape: Shape of the result of one sample.
+            kernel: The kernel, None if there is none.
+            asked: Whether `Kernel.answer` was asked; it has given no answer.
+            out: As for `ClosedChain`, like the others.
+            threads: For batches in kernels.
+            on_error: "raise" or "nan".
+        """
+        require_policy(on_error)
+        threads = whole_number("threads", threads, 1)
+        single = all(
+            array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
+        )
+        # Kernels do not answer if `out` overlaps an argument; only then `Kernel.many` may succeed.
+        if single and asked and not _shares_memory(out, samples):
+            kernel = None
+        if single and kernel is None and out is None and on_error == "raise":
+            return of_sample(*samples)
+        hint = ""
+        if self.make_kernels is None:
+            hint = f"computing on the slow reference path; {FASTER}"
+        fill = None
+        if kernel is not None:
+            fill = partial(_fill, kernel, min(threads, sys.maxsize))
+        return for_each_sample(
+            of_sample, samples, axes, shape, on_error=on_error, out=out, fast=fill, hint=hint
+        )
+
+    def _frame_key(self, name: Name, frame: Any) -> Quantity:
+        """The key of a quantity of a frame; anything but a name is refused."""
+        if not isinstance(frame, str):
+            frame_id(self.mechanism.model, frame)  # raises the error
+        return _key(name, frame)
+
     # --- dynamics ---------------------------------------------------------------------------
 
     def torques(
@@ -188,21 +331,21 @@ class Engine:
         aa: ArrayLike,
         *,
         weights: ArrayLike | None = None,
-        refused: bool = False,
+        ask_kernel: bool = True,
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Motor torques of a motion, shape (..., motors)."""
         of_sample: Callable[..., Array] = self.reference.torques
         if weights is not None:
             of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
-        return self._loaded(
+        return self._under_loads(
             _key("torques"),
             of_sample,
             (self._motors,),
             q,
             {"va": va, "aa": aa},
             kernel_exists=weights is None,
-            refused=refused,
+            ask_kernel=ask_kernel,
             **options,
         )
 
@@ -212,14 +355,16 @@ class Engine:
         va: ArrayLike,
         aa: ArrayLike,
         *,
-        refused: bool = False,
+        ask_kernel: bool = True,
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Forces along the coordinates that a motion needs, shape (..., n)."""
         key = _key("generalized_forces")
         of_sample = self.reference.generalized_forces
         vectors = {"va": va, "aa": aa}
-        return self._loaded(key, of_sample, (self._n,), q, vectors, refused=refused, **options)
+        return self._under_loads(
+            key, of_sample, (self._n,), q, vectors, ask_kernel=ask_kernel, **options
+        )
 
     def accelerations(
         self,
@@ -227,14 +372,16 @@ class Engine:
         va: ArrayLike,
         tau: ArrayLike,
         *,
-        refused: bool = False,
+        ask_kernel: bool = True,
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Accelerations of the coordinates for torques, shape (..., n)."""
         key = _key("accelerations")
         of_sample = self.reference.accelerations
         vectors = {"va": va, "tau": tau}
-        return self._loaded(key, of_sample, (self._n,), q, vectors, refused=refused, **options)
+        return self._under_loads(
+            key, of_sample, (self._n,), q, vectors, ask_kernel=ask_kernel, **options
+        )
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]
@@ -243,8 +390,9 @@ class Engine:
         n = self._n
         key = _key("reduced_terms")
         of_sample = self.reference.reduced_terms
-        rows = self._plain(key, of_sample, (2 * n * (n + 1),), q, {"va": va}, **options)
-        return ReducedTerms.of_rows(rows, n)
+        size = 2 * n * (n + 1)  # two matrices and two vectors
+        numbers = self._without_loads(key, of_sample, (size,), q, {"va": va}, **options)
+        return ReducedTerms.of_rows(numbers, n)
 
     def torque_regressor(
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
@@ -253,7 +401,7 @@ class Engine:
         key = _key("torque_regressor")
         of_sample = self.reference.torque_regressor
         shape = self._n, regressor.size_of(self.mechanism)
-        return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
+        return self._without_loads(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
 
     def reactions(
         self,
@@ -325,7 +473,7 @@ class Engine:
             of_sample = _without_torques(of_sample)  # the torques follow from the accelerations
         else:
             vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
-        return self._loaded(
+        return self._under_loads(
             _key("reactions"),
             of_sample,
             shape,
@@ -373,33 +521,102 @@ class Engine:
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
-        return self._plain(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
+        return self._without_loads(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
+
+    def _derivatives(
+        self,
+        kind: type[D],
+        name: Name,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, int],
+        q: ArrayLike,
+        vectors: Mapping[str, ArrayLike],
+        *,
+        external_wrenches: Wrenches | None = None,
+        sign_width: float = 1e-3,
+        **options: Unpack[Options],
+    ) -> D:
+        """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
+        key = _key(name, sign_width=positive_number("sign_width", sign_width))
+        ask_derivatives = None
+        if external_wrenches is None and not options:  # `Kernel.derivatives` takes no options
+            kernel = self.kernel(key)
+            ask_derivatives = None if kernel is None else kernel.derivatives
+        if ask_derivatives is not None:
+            answer: D | None = ask_derivatives(kind, q, *vectors.values(), 1)
+            if answer is not None:
+                return answer
+        matrices = self._under_loads(
+            key,
+            partial(of_sample, sign_width=key.sign_width),
+            shape,
+            q,
+            vectors,
+            ask_kernel=ask_derivatives is None,
+            external_wrenches=external_wrenches,
+            **options,
+        )
+        # A plain view: `out` of the caller may be of a subclass of arrays.
+        matrices = np.asarray(matrices)
+        n = self._n
+        by_q = matrices[..., :n]
+        by_v = matrices[..., n : 2 * n]
+        by_input = matrices[..., 2 * n :]  # by aa, or by tau
+        if isinstance(external_wrenches, Mapping):
+            policy = options.get("on_error", "raise")
+            slope = self._slope_of_arms(external_wrenches, q, policy)
+            # These change `out` too, in place.
+            if kind is TorqueDerivatives:
+                by_q -= slope
+            else:
+                inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
+                by_q += np.linalg.solve(inertia, slope)
+        return kind(by_q, by_v, by_input)
+
+    def _slope_of_arms(
+        self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
+    ) -> Array:
+        """Derivative of the generalized forces of wrenches at frames by q, shape (..., n, n).
+
+        It is the part that comes from the arms, the vectors from mass centres to frames, which turn
+        with their bodies. Derivatives for constant wrenches at the mass centres do not have it.
+        """
+        slope = np.zeros((self._n, self._n))
+        for name, value in wrenches.items():
+            _, wrench = self.arguments.at_frame(name, value, on_error)
+            arm = self.arguments.arms(name, q)
+            J = self.frame_jacobian(q, name, on_error=on_error)[..., 3:, :]
+            # An arm r of a body with the angular velocity w turns with w x r.
+            turned = np.cross(J.mT, arm[..., None, :])
+            moments = np.cross(turned, wrench[..., None, :3])
+            slope = slope + J.mT @ moments.mT
+        return slope
 
     # --- kinematics -------------------------------------------------------------------------
 
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, shape (..., nv)."""
         shape = (self.mechanism.model.nv,)
-        return self._plain(_key("rates"), self.reference.rates, shape, q, {"va": va})
+        return self._without_loads(_key("rates"), self.reference.rates, shape, q, {"va": va})
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, shape (..., nv)."""
         key = _key("joint_accelerations")
         of_sample = self.reference.joint_accelerations
         shape = (self.mechanism.model.nv,)
-        return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa})
+        return self._without_loads(key, of_sample, shape, q, {"va": va, "aa": aa})
 
     def actuator_jacobian(self, q: ArrayLike, **options: Unpack[Options]) -> Array:
         """J, shape (..., motors, n): the motors' rates are J va."""
         key = _key("actuator_jacobian")
         of_sample = self.reference.actuator_jacobian
-        return self._plain(key, of_sample, (self._motors, self._n), q, {}, **options)
+        return self._without_loads(key, of_sample, (self._motors, self._n), q, {}, **options)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity is J va."""
         key = self._frame_key("frame_jacobian", frame)
         of_sample = self.reference.frame_jacobian
-        return self._plain(key, of_sample, (6, self._n), q, {}, **options)
+        return self._without_loads(key, of_sample, (6, self._n), q, {}, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -407,7 +624,7 @@ class Engine:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
         key = self._frame_key("frame_jacobian_rate", frame)
         of_sample = self.reference.frame_jacobian_rate
-        return self._plain(key, of_sample, (6, self._n), q, {"va": va}, **options)
+        return self._without_loads(key, of_sample, (6, self._n), q, {"va": va}, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -415,7 +632,7 @@ class Engine:
         """[linear; angular] acceleration of a frame for aa = 0, shape (..., 6)."""
         key = self._frame_key("frame_drift", frame)
         of_sample = self.reference.frame_drift
-        return self._plain(key, of_sample, (6,), q, {"va": va}, **options)
+        return self._without_loads(key, of_sample, (6,), q, {"va": va}, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -423,8 +640,8 @@ class Engine:
         """Derivatives of a frame's velocity by q and va; `out` has them side by side."""
         key = self._frame_key("frame_velocity_derivatives", frame)
         of_sample = self.reference.frame_velocity_derivatives
-        rows = self._plain(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
-        return FrameVelocityDerivatives(*np.split(rows, [self._n], axis=-1))
+        both = self._without_loads(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
+        return FrameVelocityDerivatives(dq=both[..., : self._n], dva=both[..., self._n :])
 
     # --- quantities without kernels ---------------------------------------------------------
 
@@ -469,218 +686,6 @@ class Engine:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
 
-    def _frame_key(self, name: str, frame: str | None) -> Quantity:
-        """The key of a quantity of a frame; what is no name, such as a list, is refused."""
-        if frame is None:  # a key without a frame is one of another quantity
-            frame_id(self.mechanism.model, frame)
-        try:
-            return _key(name, frame)
-        except TypeError:  # it has no hash
-            frame_id(self.mechanism.model, frame)
-            raise
-
-    # --- kernel or reference path -----------------------------------------------------------
-    #
-    # A quantity is computed in this order, until there is a result:
-    # 1. `Kernel.answer`, with unchecked arguments, because checks take longer than the kernel.
-    # 2. The arguments are checked. What is wrong with them is an error.
-    # 3. `Kernel.many`, for a batch. A single sample that was refused in 1 skips this: it would fail
-    #    the same checks.
-    # 4. The reference path, for each sample that the kernel leaves. It raises the errors.
-
-    def _plain(
-        self,
-        key: Quantity,
-        of_sample: Callable[..., Array],
-        shape: tuple[int, ...],
-        q: ArrayLike,
-        vectors: Mapping[str, ArrayLike],
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
-        """A quantity without loads; `of_sample(q, *vectors)` computes one sample."""
-        kernel = None
-        refused = False
-        if key.frame is None or isinstance(key.frame, str):  # `frame_id` refuses other types below
-            kernel = self.kernel(key)
-        if kernel is not None and on_error == "raise":
-            refused, answer = _answer(kernel, shape, q, vectors, None, out, threads)
-            if answer is not None:
-                return answer
-        if key.frame is not None:
-            of_sample = partial(of_sample, frame=frame_id(self.mechanism.model, key.frame))
-        samples = self.arguments.state(q, **vectors)
-        axes = [1] * len(samples)
-        return self._computed(
-            of_sample,
-            samples,
-            axes,
-            shape,
-            kernel,
-            refused,
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
-
-    def _loaded(
-        self,
-        key: Quantity,
-        of_sample: Callable[..., Array],
-        shape: tuple[int, ...],
-        q: ArrayLike,
-        vectors: Mapping[str, ArrayLike],
-        *,
-        kernel_exists: bool = True,
-        refused: bool = False,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: Wrenches | None = None,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
-        """A quantity under loads; `of_sample(q, *vectors, wrenches)` computes one sample."""
-        kernel = None
-        if kernel_exists and external_wrenches is None:
-            kernel = self.kernel(key)
-        if kernel is not None and not refused and on_error == "raise":
-            refused, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
-            if answer is not None:
-                return answer
-        wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
-        samples: list[Array | None] = [*self.arguments.state(q, **vectors), wrenches]
-        axes = [1] * (len(samples) - 1) + [2]
-        if kernel_exists and wrenches is not None:
-            # `Kernel.answer` above takes a moment on the platform; wrenches on bodies, into which
-            # the moment has been turned now, have a kernel of their own.
-            # A single sample that the first kernel refused would fail the same checks there.
-            kernel = self.kernel(key._replace(loaded=True))
-        return self._computed(
-            of_sample,
-            samples,
-            axes,
-            shape,
-            kernel,
-            refused,
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
-
-    def _derivatives(
-        self,
-        kind: type[D],
-        name: Name,
-        of_sample: Callable[..., Array],
-        shape: tuple[int, int],
-        q: ArrayLike,
-        vectors: Mapping[str, ArrayLike],
-        *,
-        external_wrenches: Wrenches | None = None,
-        sign_width: float = 1e-3,
-        **options: Unpack[Options],
-    ) -> D:
-        """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
-        key = _key(name, sign_width=positive_number("sign_width", sign_width))
-        of_kernel = None
-        if external_wrenches is None and not options:  # `Kernel.derivatives` takes no options
-            kernel = self.kernel(key)
-            of_kernel = None if kernel is None else kernel.derivatives
-        if of_kernel is not None:
-            result: D | None = of_kernel(kind, q, *vectors.values(), 1)
-            if result is not None:
-                return result
-        of_sample = partial(of_sample, sign_width=key.sign_width)
-        rows = self._loaded(
-            key,
-            of_sample,
-            shape,
-            q,
-            vectors,
-            refused=of_kernel is not None,
-            external_wrenches=external_wrenches,
-            **options,
-        )
-        n = self._n
-        rows = np.asarray(rows)  # the caller's `out`, if there is one: it is corrected in place
-        if isinstance(external_wrenches, Mapping):
-            policy = options.get("on_error", "raise")
-            slope = self._slope_of_arms(external_wrenches, q, policy)  # of forces by q
-            if kind is TorqueDerivatives:
-                rows[..., :n] -= slope
-            else:
-                inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
-                rows[..., :n] += np.linalg.solve(inertia, slope)
-        return kind(*np.split(rows, (n, 2 * n), axis=-1))
-
-    def _slope_of_arms(
-        self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
-    ) -> Array:
-        """Derivative of the generalized forces of wrenches at frames by q, shape (..., n, n).
-
-        It is the part that comes from the arms, the vectors from mass centres to frames, which turn
-        with their bodies. Derivatives for constant wrenches at the mass centres do not have it.
-        """
-        slope = np.zeros((self._n, self._n))
-        for name, value in wrenches.items():
-            _, wrench = self.arguments.at_frame(name, value, on_error)
-            arm = self.arguments.arms(name, q)
-            J = self.frame_jacobian(q, name, on_error=on_error)[..., 3:, :]
-            # An arm r of a body with the angular velocity w turns with w x r.
-            turned = np.cross(J.mT, arm[..., None, :])
-            moments = np.cross(turned, wrench[..., None, :3])
-            slope = slope + J.mT @ moments.mT
-        return slope
-
-    def _computed(
-        self,
-        of_sample: Callable[..., Array],
-        samples: Sequence[Array | None],
-        axes: Sequence[int],
-        shape: tuple[int, ...],
-        kernel: Kernel | None,
-        refused: bool,
-        *,
-        out: Array | None,
-        threads: int,
-        on_error: str,
-    ) -> Array:
-        """Results of checked arrays: by the kernel, and by `of_sample` where it gives none.
-
-        Args:
-            of_sample: The reference path: computes one sample from an array of each of `samples`.
-            samples: Arrays with a sample or a batch, None for no loads.
-            axes: Number of axes of one sample, for each of `samples`.
-            shape: Shape of the result of one sample.
-            kernel: The kernel, None if there is none.
-            refused: Whether `Kernel.answer` gave no answer for these arguments. A single sample has
-                then failed a check of the kernel, so that only the reference path remains; unless
-                the kernel refused because `out` overlaps an argument.
-            out: As for `ClosedChain`, like the others.
-            threads: For batches in kernels.
-            on_error: "raise" or "nan".
-        """
-        require_policy(on_error)
-        threads = whole_number("threads", threads, 1)
-        single = all(
-            array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
-        )
-        if single and refused and not _shares_memory(out, samples):
-            kernel = None
-        if single and kernel is None and out is None and on_error == "raise":
-            return of_sample(*samples)
-        hint = ""
-        if self.make_kernels is None:
-            hint = f"computing on the slow reference path; {FASTER}"
-        fill = None
-        if kernel is not None:
-            fill = partial(_fill, kernel, min(threads, sys.maxsize))
-        return for_each_sample(
-            of_sample, samples, axes, shape, on_error=on_error, out=out, fast=fill, hint=hint
-        )
-
 
 def _answer(
     kernel: Kernel,
@@ -698,10 +703,10 @@ def _answer(
     answer = kernel.answer
     if answer is None or len(vectors) > 2 or (out is not None and len(shape) > 1):
         return False, None
-    b, c, *_ = (*vectors.values(), None, None)  # a kernel takes q and at most two vectors
-    result = answer(q, b, c, moment, out, threads)
+    two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
+    result = answer(q, two[0], two[1], moment, out, threads)
     if result is not None and len(shape) > 1:
-        result.shape = (*result.shape[:-1], *shape)
+        result.shape = (*result.shape[:-1], *shape)  # kernels give matrices in a row
     return True, result
 
 
@@ -714,12 +719,12 @@ def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
 
 def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
     """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
-    rows = []
+    arguments = []
     for array in flat:
         if array is not None:
-            numbers = int(np.prod(array.shape[1:]))
-            rows.append(np.require(array, float, "A").reshape(len(result), numbers))
-    return kernel.many(tuple(rows), result, threads)
+            size = int(np.prod(array.shape[1:]))  # of one sample
+            arguments.append(np.require(array, float, "A").reshape(len(result), size))
+    return kernel.many(tuple(arguments), result, threads)
 
 
 def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
