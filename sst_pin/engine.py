@@ -127,7 +127,8 @@ class Engine:
         self.mechanism = mechanism
         self.make_kernels = make_kernels
         self.platform = platform
-        reference = self.reference = Reference(mechanism)
+        reference = Reference(mechanism)
+        self.reference = reference
         self.loops = ClosedLoops(mechanism, lambda: reference.context.assembly)
         self.arguments = EngineArguments(mechanism, self.loops, platform)
         self._n = len(mechanism.coordinates)
@@ -188,6 +189,10 @@ class Engine:
         return None if kernel is None else kernel.answer
 
     # --- kernel or reference path -----------------------------------------------------------
+    #
+    # These functions do the four steps. `key` says which quantity it is, and `shape` is that of the
+    # result for one sample. `of_sample` is the reference path: it computes one sample. `vectors`
+    # are the arguments besides q, by their names, in the order of `of_sample`.
 
     def _without_loads(
         self,
@@ -201,7 +206,7 @@ class Engine:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """A quantity on which no loads act; `of_sample(q, *vectors)` computes one sample."""
+        """A quantity that has no loads; the reference path is `of_sample(q, *vectors)`."""
         kernel = self.kernel(key)
         asked = False
         if kernel is not None and on_error == "raise":
@@ -239,7 +244,7 @@ class Engine:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """A quantity under loads; `of_sample(q, *vectors, wrenches)` computes one sample.
+        """A quantity under loads; the reference path is `of_sample(q, *vectors, wrenches)`.
 
         `kernel_exists` is False if kernels do not take all arguments, and `ask_kernel` if the
         caller has asked `Kernel.answer` already.
@@ -254,6 +259,8 @@ class Engine:
                 return answer
         wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         state = self.arguments.state(q, **vectors)
+        axes = [1 for _ in state]
+        axes.append(2)  # of the wrenches
         if kernel_exists and wrenches is not None:
             # `Kernel.answer` takes a moment on the platform. For `Kernel.many`, the moment is among
             # the wrenches on bodies, which have a kernel of their own.
@@ -261,7 +268,7 @@ class Engine:
         return self._each_sample(
             of_sample,
             [*state, wrenches],
-            [*(1 for _ in state), 2],
+            axes,
             shape,
             kernel,
             asked=asked,
@@ -283,10 +290,10 @@ class Engine:
         threads: int,
         on_error: str,
     ) -> Array:
-        """Results for checked arrays: steps 3 and 4 of the class.
+        """Results for checked arrays, by steps 3 and 4.
 
         Args:
-            of_sample: The reference path: computes one sample from an array of each of `samples`.
+            of_sample: The reference path; its arguments are a sample of each of `samples`.
             samples: Arrays with a sample or a batch, None for no loads.
             axes: Number of axes of one sample, for each of `samples`.
             shape: Shape of the result of one sample.

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The quantities that have kernels."""
+"""The quantities that have kernels, and the keys of their kernels.
+
+A kernel fills the lanes of a vector register with samples, one in each lane. Some quantities have a
+second kind of kernel, which fills the lanes with directions of one sample. A direction is a unit
+rate of a coordinate, or a parameter; it gives one column of the result. This kind is faster for
+single samples and for large robots.
+"""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-#: Names of the quantities. All but "closing", "rollout" and "frame_placement" are methods of
-#: `Reference`; "frame_placement" has kernels for Warp only, and no row in `QUANTITIES`.
+#: Names of the quantities.
 Name = Literal[
+    # Methods of `Reference`:
     "torques",
     "generalized_forces",
     "accelerations",
@@ -23,27 +29,33 @@ Name = Literal[
     "frame_jacobian_rate",
     "frame_velocity_derivatives",
     "frame_drift",
-    "frame_placement",
+    # The closed q, the determinant of the pivots, and the squared residual of the loops:
     "closing",
+    # The states of a motion with a fixed step:
     "rollout",
+    # Position and orientation of a frame, for Warp only; so it has no row in `QUANTITIES`:
+    "frame_placement",
 ]
 
 
 class Properties(NamedTuple):
-    """Properties of a quantity."""
+    """Properties of a quantity.
 
-    #: Whether a kernel can compute it by directions. A direction is a unit rate of a coordinate, or
-    #: a parameter, and gives a column of the result. Several directions of one sample then fill the
-    #: lanes of a register that otherwise hold samples; see `Quantity.along`.
+    Attributes:
+        by_directions: Whether a kernel can fill its lanes with directions.
+        loadable: Whether external wrenches may act.
+        smooth: Whether Coulomb friction is smooth, because the quantity is a derivative; see
+            `Quantity.sign_width`.
+        of_frame: Whether it is a quantity of a frame.
+    """
+
     by_directions: bool = False
-    #: Whether external wrenches may act.
     loadable: bool = False
-    #: Whether Coulomb friction is smooth, within `Quantity.sign_width`: derivatives need that.
     smooth: bool = False
-    #: Whether it is a quantity of a frame.
     of_frame: bool = False
 
 
+#: All quantities with kernels in C.
 QUANTITIES: Mapping[Name, Properties] = {
     "torques": Properties(loadable=True),
     "generalized_forces": Properties(loadable=True),
@@ -61,8 +73,8 @@ QUANTITIES: Mapping[Name, Properties] = {
     "frame_jacobian_rate": Properties(by_directions=True, of_frame=True),
     "frame_velocity_derivatives": Properties(by_directions=True, of_frame=True),
     "frame_drift": Properties(of_frame=True),
-    "closing": Properties(),  # the closed q, the determinant of the pivots, the squared residual
-    "rollout": Properties(loadable=True),  # states with a fixed step
+    "closing": Properties(),
+    "rollout": Properties(loadable=True),
 }
 
 
@@ -70,11 +82,12 @@ class Quantity(NamedTuple):
     """A quantity that an engine computes, and the key of its kernel.
 
     Attributes:
-        name: Its name in the table of quantities.
+        name: Its name.
         frame: Name of the frame, for a quantity of a frame.
         loaded: Whether external wrenches act.
-        along: Whether its kernel computes one sample at a time, several directions side by side.
-        sign_width: Width within which Coulomb friction is smooth, for derivatives.
+        along: Whether the kernel fills its lanes with directions.
+        sign_width: For derivatives, the rate at which the smoothed sign of Coulomb friction,
+            tanh(v / sign_width), is at 76 %, [rad/s] or [m/s].
     """
 
     name: Name
@@ -85,12 +98,12 @@ class Quantity(NamedTuple):
 
     @property
     def properties(self) -> Properties:
-        """Its row in the table of quantities."""
+        """Its properties; a quantity that only Warp computes has none."""
         return QUANTITIES[self.name]
 
     @property
     def entry(self) -> str:
-        """The name of its functions in C, of which each library has those of one quantity."""
+        """The name of its functions in C; a library has those of one quantity."""
         parts = [str(self.name)]
         if self.along:
             parts.append("along")
