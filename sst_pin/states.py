@@ -3,8 +3,8 @@
 
 The rates va of the coordinates determine the rates v of all joints, unless the configuration is
 singular for this choice of coordinates: a dead point. Near one, an integrator goes on in other
-coordinates. `StateSpace.suited` finds the state space of the same mechanism that has them.
-`StateSpace.rollout` is an integrator with a fixed step.
+coordinates; `StateSpace.in_good_coordinates` finds them. `StateSpace.rollout` is an integrator with
+a fixed step.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ _MOST_PARTS = 4
 
 #: External wrenches on the bodies, shape (r, 6), as a function of the index of a motion and of q.
 WrenchesAt = Callable[[int, Array], Array]
-#: External wrenches on the bodies in one motion, shape (r, 6), as a function of q; None without.
-Wrenches = Callable[[Array], Array | None]
+#: The same for one motion, as a function of q; its result is None without external wrenches.
+WrenchesOfMotion = Callable[[Array], Array | None]
 
 
 class StepError(SSTError):
@@ -69,15 +69,29 @@ class RolloutEnd(NamedTuple):
     error: SSTError | None
 
 
+class _PositionDerivatives(NamedTuple):
+    """Derivatives of q and q_dot by displacements x of the coordinates.
+
+    Attributes:
+        q_by_x: dq/dx, shape (nq, n).
+        x_by_q: dx/dq, shape (n, nq).
+        q_dot_by_x: Derivatives of q_dot, with constant rates va, shape (nq, n).
+    """
+
+    q_by_x: Array
+    x_by_q: Array
+    q_dot_by_x: Array
+
+
 class StateSpace:
     """The state space of one mechanism in one choice of coordinates, by the reference path.
 
     States are y = (q, va), shape (nq + n,) or (N, nq + n). Their loops are nearly closed, and their
     quaternions have almost length one.
 
-    `compiled_states.CompiledStateSpace` derives from it. There, kernels compute what `closed`,
-    `rate`, `_rate_at_closed`, `_acceleration_derivatives` and `rollout` compute here. It calls the
-    methods of this class where kernels fail, and `_fill` for steps that kernels do not make.
+    `compiled_states.CompiledStateSpace` derives from this class. Its kernels compute the same as
+    `closed`, `rate`, `_rate_at_closed`, `_acceleration_derivatives` and `rollout`. It calls these
+    methods where kernels fail, and `_fill` for steps that kernels do not make.
 
     Args:
         reference: The mechanism with its equations.
@@ -138,38 +152,49 @@ class StateSpace:
         q = self.closed(state)
         va = state[self._nq :]
         n = len(va)
-        # aa by x, va and tau
         aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
+        aa_by_x, aa_by_va, aa_by_tau = np.split(aa_by, [n, 2 * n], axis=1)
+        of_q = self._position_derivatives(q, va)
 
-        # q_dot = Q v with v = L va, Eq. (16), so dq/dx = Q L. Q is the identity where q_dot is v.
+        by_state = np.zeros((self._nq + n, self._nq + n))
+        by_state[: self._nq, : self._nq] = of_q.q_dot_by_x.dot(of_q.x_by_q)
+        by_state[: self._nq, self._nq :] = of_q.q_by_x  # as q_dot = (dq/dx) va
+        by_state[self._nq :, : self._nq] = aa_by_x.dot(of_q.x_by_q)
+        by_state[self._nq :, self._nq :] = aa_by_va
+        by_tau = np.zeros((self._nq + n, len(tau)))
+        by_tau[self._nq :] = aa_by_tau
+        return by_state, by_tau
+
+    def _position_derivatives(self, q: Array, va: Array) -> _PositionDerivatives:
+        """Derivatives of q and q_dot by displacements x of the coordinates, with constant va.
+
+        With v = L va, Eq. (16), and q_dot = Q v, the derivative of q is Q L. Q is the identity if
+        q_dot is v.
+        """
         space = self._mechanism.space
-        L = self._reference.L(q)  # from here on, loops and complement are those at q
+        context = self._reference.context
+        L = self._reference.L(q)  # evaluates the loops and the complement at q
         v = L.dot(va)
         Q = np.transpose([space.coordinate_rates(q, e) for e in np.eye(len(v))])
         q_by_x = Q.dot(L)
-        x_by_q = np.linalg.pinv(Q)[self.coordinates]
 
-        # d(Q v)/dx is Q dv/dx plus the change of Q. For a displacement along coordinate k, dv is
-        # L_dot va, where L_dot belongs to the motion with the rates L e_k.
-        loops = self._reference.context.loops
-        complement = self._reference.context.complement
-        v_by_x = np.transpose([complement.L_dot(loops.Phi_dot(L_k)).dot(va) for L_k in L.T])
+        # The derivative of Q v is Q dv/dx, plus a term with the derivative of Q. Along the motion
+        # with the rates L e_k, the rate of v is L_dot va.
+        v_by_x = np.zeros_like(L)
+        for k, rates in enumerate(L.T):
+            L_dot = context.complement.L_dot(context.loops.Phi_dot(rates))
+            v_by_x[:, k] = L_dot.dot(va)
         q_dot_by_x = Q.dot(v_by_x)
         if not space.euclidean:
-            # Q depends on q too. Q v is quadratic in q, so central differences are exact.
-            for k, change in enumerate(q_by_x.T):
-                ahead = space.coordinate_rates(q + change, v)
-                behind = space.coordinate_rates(q - change, v)
+            # For constant v, Q v is a polynomial in q: linear in quaternions, and of degree two
+            # where a quaternion turns a velocity. So central differences are exact.
+            for k, displacement in enumerate(q_by_x.T):
+                ahead = space.coordinate_rates(q + displacement, v)
+                behind = space.coordinate_rates(q - displacement, v)
                 q_dot_by_x[:, k] += (ahead - behind) / 2
 
-        by_state = np.zeros((self._nq + n, self._nq + n))
-        by_state[: self._nq, : self._nq] = q_dot_by_x.dot(x_by_q)
-        by_state[: self._nq, self._nq :] = q_by_x  # q_dot = Q L va
-        by_state[self._nq :, : self._nq] = aa_by[:, :n].dot(x_by_q)
-        by_state[self._nq :, self._nq :] = aa_by[:, n : 2 * n]
-        by_tau = np.zeros((self._nq + n, len(tau)))
-        by_tau[self._nq :] = aa_by[:, 2 * n :]
-        return by_state, by_tau
+        x_by_q = np.linalg.pinv(Q)[self.coordinates]
+        return _PositionDerivatives(q_by_x, x_by_q, q_dot_by_x)
 
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
@@ -196,11 +221,13 @@ class StateSpace:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
         return self._continuity.condition_number(q)
 
-    def suited(self, q: Array, largest: float = WELL_CONDITIONED) -> tuple[StateSpace, float]:
-        """A state space with good coordinates at q, and their condition number there.
+    def in_good_coordinates(
+        self, q: Array, largest: float = WELL_CONDITIONED
+    ) -> tuple[StateSpace, float]:
+        """The state space in good coordinates at q, and their condition number there.
 
         It is this one if its condition number is at most `largest`, or if no other coordinates are
-        better by `MARGIN`; else the one with the rates that describe the motions at q best.
+        better by `MARGIN`. Otherwise its coordinates are those that describe the motions at q best.
         """
         condition = self.condition_number(q)
         if condition <= largest:
@@ -209,7 +236,7 @@ class StateSpace:
         if not np.isfinite(Phi).all():
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
-        # Compare both choices by the same formula, which is not quite that of `condition`.
+        # Both choices are compared by the same formula; `condition` is computed by another one.
         parts = self._reference.context.loops.parts
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
@@ -275,37 +302,36 @@ class StateSpace:
         self,
         motions: RolloutArrays,
         i: int,
-        wrenches: Wrenches,
+        wrenches: WrenchesOfMotion,
         *,
-        until_suited: bool = False,
+        until_good: bool = False,
     ) -> RolloutEnd:
         """Fill the states of motion i as far as it goes, and the rest with NaN.
 
-        With `until_suited` it returns after at least one step where the coordinates of this state
-        space are good again.
+        With `until_good` it returns after at least one step where the coordinates of this state
+        space are good again. Then kernels continue the motion.
         """
         q = motions.q[i]
         va = motions.va[i]
         q[:] = np.nan
         va[:] = np.nan
         try:
-            v = self.start_rates(motions.q0[i], motions.va0[i])
+            v = self.start_rates(motions.q0[i], motions.va0[i])  # of all joints
         except SSTError as error:
             return RolloutEnd(0, error)
         q[0] = motions.q0[i]
         va[0] = motions.va0[i]
 
-        # A step is in the coordinates of `space`, and `rates` are theirs: this state space, or
-        # another one where its coordinates are poor. v are the rates of all joints.
+        # The coordinates of `space` are good; `rates` are theirs.
         space = self
         rates = va[0]
         for s in range(motions.steps):
             try:
-                suited = self._suited_for_step(q[s], motions.dt * v)
-                if until_suited and s > 0 and suited is self:
+                good_space = self._space_for_step(q[s], motions.dt * v)
+                if until_good and s > 0 and good_space is self:
                     return RolloutEnd(s + 1, None)
-                if suited is not space:
-                    space = suited
+                if good_space is not space:
+                    space = good_space
                     rates = v[space.coordinates]
                 tau = motions.torques(i, s)
                 q[s + 1], rates = space._step(q[s], rates, tau, wrenches, motions.dt)
@@ -325,19 +351,19 @@ class StateSpace:
         end = self._fill(rest, 0, wrenches_of(motions, i, wrenches_at))
         return end.error or StepError("the kernels and the reference path disagree")
 
-    def _suited_for_step(self, q: Array, step: Array) -> StateSpace:
+    def _space_for_step(self, q: Array, step: Array) -> StateSpace:
         """This state space if its coordinates are good along a step from q; else a much better one.
 
-        `step` are displacements of all joints, shape (nv,). The coordinates are judged ahead of q,
-        because the step gets no shorter near a dead point.
+        `step` are displacements of all joints, shape (nv,). The coordinates are judged at several
+        configurations ahead of q, because the step gets no shorter near a dead point.
         """
         longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
         parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))
         for part in range(1, parts + 1):
             ahead = pin.integrate(self._mechanism.model, q, part / parts * step)
-            suited, _ = self.suited(ahead, _FIXED_STEP)
-            if suited is not self:
-                return suited
+            good_space, _ = self.in_good_coordinates(ahead, _FIXED_STEP)
+            if good_space is not self:
+                return good_space
         return self
 
     def _step(
@@ -345,10 +371,10 @@ class StateSpace:
         q: Array,
         va: Array,
         tau: Array,
-        wrenches: Wrenches,
+        wrenches: WrenchesOfMotion,
         h: float,
     ) -> tuple[Array, Array]:
-        """q and va after a step h.
+        """q and va after a step h of the classical Runge-Kutta method.
 
         `tau` are the torques at its start, in its middle and at its end, shape (3, motors).
 
@@ -364,7 +390,7 @@ class StateSpace:
                 raise StepError("a number is not finite; a shorter step may help")
             q = space.normalised(stage[:nq])
             # Loops at a stage are open by the error of the method. Only the end is closed, because
-            # closing takes long; so no tolerance is asked here.
+            # closing takes long. So the tolerance of the loops is infinite here.
             return self._rate_at_closed(q, stage[nq:], tau[when], wrenches(q), np.inf)
 
         end = runge_kutta_step(rate, np.concatenate([q, va]), h)
@@ -395,7 +421,7 @@ class StateSpace:
         model = self._mechanism.model
         step = pin.difference(model, before, after)
 
-        def path(q: Array, low: float, high: float) -> Array:
+        def path(_q: Array, _low: float, high: float) -> Array:
             if high == 1:
                 return after
             return self.closed(pin.integrate(model, before, high * step))
@@ -404,7 +430,7 @@ class StateSpace:
         return fraction == 1
 
 
-def wrenches_of(motions: RolloutArrays, i: int, wrenches_at: WrenchesAt | None) -> Wrenches:
+def wrenches_of(motions: RolloutArrays, i: int, wrenches_at: WrenchesAt | None) -> WrenchesOfMotion:
     """Wrenches on the bodies in motion i, by q: those of `wrenches_at`, or the constant load."""
     if wrenches_at is not None:
         return partial(wrenches_at, i)

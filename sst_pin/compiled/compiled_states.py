@@ -145,7 +145,7 @@ class CompiledStateSpace(StateSpace):
         while count <= motions.steps:
             last = max(count - 1, 0)  # the last valid state is the next start
             wrenches = wrenches_of(motions, i, None)
-            end = self._fill(motions.rest(i, last), 0, wrenches, until_suited=True)
+            end = self._fill(motions.rest(i, last), 0, wrenches, until_good=True)
             count = last + end.valid
             if count > motions.steps or end.error is not None:
                 return count
@@ -212,7 +212,7 @@ class CompiledStateSpace(StateSpace):
     def _suits(self, q: Array, va: Array, h: float) -> bool:
         """Whether the coordinates describe the motion well for a step from a state."""
         try:
-            return self._suited_for_step(q, h * self.joint_rates(q, va)) is self
+            return self._space_for_step(q, h * self.joint_rates(q, va)) is self
         except SSTError:
             return False
 

@@ -87,7 +87,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     if not len(mechanism.dependent) or not len(mechanism.coordinates):
         return equations
     for configuration in _walks(space, mechanism, q):
-        best, condition = space.suited(configuration)
+        best, condition = space.in_good_coordinates(configuration)
         smallest = min(float(check(configuration, numbers)) for check in checks)
         if condition < WELL_CONDITIONED and smallest > _SMALL:
             other = Reference(replace(mechanism, coordinates=best.coordinates))
@@ -131,7 +131,7 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
             direction = direction + 0.1 * random.standard_normal(model.nv)
             direction = motions @ (motions.T @ (direction + 0.3 * fall))
             step = 0.1 * direction / np.linalg.norm(direction) * mechanism.rate_scale
-            suited, _ = space.suited(q)
+            suited, _ = space.in_good_coordinates(q)
             try:
                 q = suited.closed(np.concatenate([pin.integrate(model, q, step), at_rest]))
             except ClosureError:

@@ -49,7 +49,7 @@ class CoordinateChange:
 
     def settle(self, state: MotionState) -> MotionState:
         """The state in good coordinates; `limit` is set for these."""
-        space, condition = self._robot_space.suited(state.q)
+        space, condition = self._robot_space.in_good_coordinates(state.q)
         self.limit = min(self._largest, max(_POOR, MARGIN * condition))
         return state.in_coordinates_of(space)
 

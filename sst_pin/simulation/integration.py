@@ -108,7 +108,7 @@ class Integration:
         space = self._equations.robot_space
         q, rates = np.split(start, [self._nq])
         if not rates.any():  # at rest the rates of all coordinates are 0
-            space, _ = space.suited(q)
+            space, _ = space.in_good_coordinates(q)
         equations = self._equations.in_coordinates_of(space)
         if not np.isfinite(equations.rate(t, start)).all():
             why = equations.failure or "its rates are not finite"

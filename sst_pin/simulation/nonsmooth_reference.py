@@ -73,7 +73,7 @@ class NonsmoothReference:
             return RolloutEnd(first + 1, error)
         for s in range(first, len(q) - 1):
             try:
-                suited, _ = self._space.suited(q[s], _POOR)
+                suited, _ = self._space.in_good_coordinates(q[s], _POOR)
                 if until_suited and s > first and suited is self._space:
                     return RolloutEnd(s + 1, None)
                 if suited is not space:

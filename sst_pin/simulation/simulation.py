@@ -96,7 +96,7 @@ def _start(
         if va.any():  # rates of dependent coordinates do not determine the motion
             raise
     if not condition < max_condition_number and not va.any():
-        _, condition = space.suited(q)  # other coordinates have the rate 0 too
+        _, condition = space.in_good_coordinates(q)  # other coordinates have the rate 0 too
     if not condition < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     return np.concatenate([q, va])

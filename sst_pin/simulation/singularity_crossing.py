@@ -109,7 +109,7 @@ class SingularityCrossing:
         space = state.space
         if not self._active or self.approach is not None:
             return None
-        if space.suited(q)[0] is not space:
+        if space.in_good_coordinates(q)[0] is not space:
             return None  # only the dependent columns of Phi are singular
         a = _smallest_singular_value(space, state.q)
         b = _smallest_singular_value(space, q)
