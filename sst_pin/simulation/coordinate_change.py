@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..arrays import Array
@@ -20,6 +22,18 @@ _POOR = 50.0
 #: singular configuration starts at T / `EARLIER` at the latest, if it is noticed at T, so the
 #: condition number grows by `EARLIER`. `MARGIN` is reserve.
 _NEAR_SINGULARITY = EARLIER * MARGIN
+
+
+class RegularPart(NamedTuple):
+    """The part of a step that is regular, from its start on.
+
+    Attributes:
+        fraction: Its length, as a fraction of the step; 1 for a regular step.
+        q: The configuration at its end, shape (nq,).
+    """
+
+    fraction: float
+    q: Array
 
 
 class CoordinateChange:
@@ -84,25 +98,28 @@ class CoordinateChange:
             return False
         return space.condition_number(state.q) * MARGIN**2 < self.limit
 
-    def regular_part(self, before: MotionState, step: IntegratorStep) -> tuple[float, Array]:
-        """The fraction of a step from a state that is regular, and the configuration at its end."""
+    def regular_part(self, before: MotionState, step: IntegratorStep) -> RegularPart:
+        """The regular part of a step from the state `before`."""
         space = before.space
 
+        # The configuration at a fraction `high` of the step, as `StateSpace.follow` needs it.
         def path(_q: Array, _low: float, high: float) -> Array:
             if high == 1:
                 return space.closed(step.y)
             return space.closed(step.dense_output(step.start + high * step.length))
 
-        # A step there and back may be long although its ends are close. So `follow` tries the part
-        # up to the reversal first, then the rest.
+        # A step there and back may be long although its ends are close. So the part up to the
+        # reversal is tried first, then the rest.
         first = self._reversal(before, step)
-        return space.follow(before.q, path, self.limit, first)
+        fraction, q = space.follow(before.q, path, self.limit, first)
+        return RegularPart(fraction, q)
 
     def _reversal(self, before: MotionState, step: IntegratorStep) -> float:
         """The fraction of a step after which its motion reverses; 1 if it does not.
 
         The rates vary from a to b about linearly, a + x (b - a). Their norm is least at
-        x = a.(a - b) / |a - b|^2. If it is less than half of that at both ends, they reverse.
+        x = a.(a - b) / |a - b|^2. The motion reverses there if this norm is less than half of |a|
+        and of |b|.
         """
         scale = self._mechanism.rate_scale[before.space.coordinates]
         a = before.rates / scale

@@ -14,14 +14,16 @@ a singular configuration.
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from ..arrays import Array
 from ..errors import SimulationError
 from ..model.mechanism import Mechanism
-from .coordinate_change import CoordinateChange
+from .coordinate_change import CoordinateChange, RegularPart
 from .crossings import Crossing
+from .integrator_step import IntegratorStep
 from .motion_output import MotionOutput
 from .settings import Settings
 from .singularity_crossing import SingularityCrossing
@@ -31,6 +33,21 @@ from .step_control import StepControl
 #: The first repeat of an irregular step ends before its irregular part by this fraction of the
 #: length of its regular part.
 _MARGIN_OF_REPEAT = 1e-10
+
+
+class _Target(NamedTuple):
+    """The time until which steps are made.
+
+    Attributes:
+        time: Time, [s].
+        torques_change: Whether sampled torques change there.
+        repeats: 0, or the number of irregular steps because of which the time was set to an earlier
+            one, just before the irregular part of the last of them.
+    """
+
+    time: float
+    torques_change: bool = False
+    repeats: int = 0
 
 
 class Integration:
@@ -90,12 +107,8 @@ class Integration:
             approach = self._crossing.approach
             if approach is not None and approach.start <= state.t:
                 state = self._cross(state)  # ends the approach, or sets a later start
-                continue
-            torques_change = self._call_controller(state)
-            bound = min(self._end, torques_change)
-            if approach is not None:
-                bound = min(bound, approach.start)
-            state = self._advance(state, bound, torques_change=bound == torques_change)
+            else:
+                state = self._advance(state)
         return self._output.samples
 
     def _first_state(self, start: Array) -> MotionState:
@@ -133,62 +146,87 @@ class Integration:
         sampling.reach(state.t, partial(self._equations_at(state).robot_state, state.y))
         return sampling.until(self._times)
 
-    def _advance(self, state: MotionState, bound: float, *, torques_change: bool) -> MotionState:
-        """Integrate until a time, or until other coordinates or an earlier state are needed.
+    def _advance(self, state: MotionState) -> MotionState:
+        """Integrate until torques change, a step over a singular configuration starts, or the end.
 
-        A step that misses a change of a torque or load is repeated with shorter steps. A regular
-        step is kept. An irregular step is repeated up to just before the point where it becomes
-        irregular; there the motion changes its coordinates or ends. If a singular configuration is
-        ahead that can be stepped over, the motion goes back instead and approaches it.
-
-        Args:
-            state: The state from which the motion goes on.
-            bound: The time, [s].
-            torques_change: Whether torques change there.
+        It returns earlier if other coordinates or an earlier state are needed.
         """
+        smooth_until = self._call_controller(state)
+        time = min(self._end, smooth_until)
+        if self._crossing.approach is not None:
+            time = min(time, self._crossing.approach.start)
+        target: _Target | None = _Target(time, torques_change=time == smooth_until)
+
         self._crossing.remember(state)
         equations = self._equations_at(state)
-        until = bound  # after an irregular step, a time just before its irregular part
-        repeats = 0  # of irregular steps
-        solver = self._steps.solver(equations, state, until)
+        while target is not None:
+            state, target = self._make_steps(equations, state, target)
+        return state
+
+    def _make_steps(
+        self, equations: StateEquations, state: MotionState, target: _Target
+    ) -> tuple[MotionState, _Target | None]:
+        """Make steps with one integrator until a target, or until a step cannot be kept.
+
+        Returns:
+            The state from which the motion goes on, and the target if it goes on in the same
+            coordinates: the same one if a step missed a change of a torque or load, so that shorter
+            steps are needed; an earlier one after an irregular step.
+        """
+        solver = self._steps.solver(equations, state, target.time)
         while solver.status == "running":
             step = self._steps.step(solver, equations)
             if self._steps.shorten_if_input_missed(step):
-                solver = self._steps.solver(equations, state, until)
-                continue
-            ends_at_change = torques_change and step.end == bound
-            self._steps.remember_length(step, torques_change=ends_at_change)
+                return state, target
+            at_change = target.torques_change and step.end == target.time
+            self._steps.remember_length(step, torques_change_at_end=at_change)
             self._progress(step.end)
-            fraction, q = self._coordinate_change.regular_part(state, step)
-            regular_until = step.start + fraction * step.length
 
             # The output refuses a step if loops cannot be closed at an output time within it.
-            is_regular = fraction == 1
-            if is_regular and self._output.add_step(step, torques_change=ends_at_change):
-                state = MotionState(step.end, state.space, q, step.y)
-                self._crossing.remember(state)
-                just_before_irregular = repeats > 0 and solver.status == "finished"
-                if just_before_irregular:
-                    return self._leave_irregular(state)
-                settled = self._improve_coordinates(state)
-                if settled.space is not state.space:
-                    return settled
-                continue
+            part = self._coordinate_change.regular_part(state, step)
+            is_regular = part.fraction == 1
+            if not (is_regular and self._output.add_step(step, torques_change_at_end=at_change)):
+                return self._before_irregular(state, step, part, target)
 
-            earlier = self._crossing.begin_approach(state, regular_until, q)
-            if is_regular:  # but refused by the output
-                fraction = 0.5
-            self._steps.shorten(fraction)
-            if earlier is not None:
-                self._coordinate_change.allow_nearer()
-                return earlier
-            # A part of a step is less exact than a step: integrate again until there.
-            until = step.start + fraction * step.length * (1 - _margin_of_repeat(repeats))
-            repeats += 1
-            if until <= state.t:
-                return self._leave_irregular(state)
-            solver = self._steps.solver(equations, state, until)
-        return state
+            state = MotionState(step.end, state.space, part.q, step.y)
+            self._crossing.remember(state)
+            if target.repeats > 0 and step.end == target.time:
+                return self._leave_irregular(state), None
+            settled = self._improve_coordinates(state)
+            if settled.space is not state.space:
+                return settled, None
+        return state, None
+
+    def _before_irregular(
+        self, state: MotionState, step: IntegratorStep, part: RegularPart, target: _Target
+    ) -> tuple[MotionState, _Target | None]:
+        """The state and target with which a motion goes on after an irregular step.
+
+        If a singular configuration is ahead that can be stepped over, the motion goes back and
+        approaches it. Otherwise it is integrated again until just before the irregular part of the
+        step, because a part of a step is less exact than a step. There the motion changes its
+        coordinates or ends.
+
+        Args:
+            state: The state from which the step was made.
+            step: The step.
+            part: The regular part of the step; the whole step if the output has refused it.
+            target: The target of the step.
+        """
+        regular_until = step.start + part.fraction * step.length
+        earlier = self._crossing.begin_approach(state, regular_until, part.q)
+        fraction = part.fraction
+        if fraction == 1:  # it is not known where in the step the loops cannot be closed
+            fraction = 0.5
+        self._steps.shorten(fraction)
+        if earlier is not None:
+            self._coordinate_change.allow_nearer()
+            return earlier, None
+        margin = _margin_of_repeat(target.repeats)
+        time = step.start + fraction * step.length * (1 - margin)
+        if time <= state.t:
+            return self._leave_irregular(state), None
+        return state, _Target(time, repeats=target.repeats + 1)
 
     def _improve_coordinates(self, state: MotionState) -> MotionState:
         """The state after a regular step, in better coordinates if there are any.
@@ -200,7 +238,7 @@ class Integration:
             return state
         # During an approach, the only reason is that the robot's own coordinates are good again. So
         # no singular configuration of the mechanism is near any more.
-        self._crossing.approach = None
+        self._crossing.give_up()
         return self._coordinate_change.settle(state)
 
     def _leave_irregular(self, state: MotionState) -> MotionState:
@@ -212,7 +250,7 @@ class Integration:
         """
         coordinate_change = self._coordinate_change
         limit_was_largest = coordinate_change.at_largest
-        self._crossing.approach = None
+        self._crossing.give_up()
         settled = coordinate_change.settle(state)  # sets a new limit
         limit_stays_largest = limit_was_largest and coordinate_change.at_largest
         nothing_changes = settled.space is state.space and limit_stays_largest

@@ -33,15 +33,15 @@ class MotionOutput:
         """Add the sample at the first time."""
         self._add(equations.samples_along(self._times[:1], start.y[None]))
 
-    def add_step(self, step: IntegratorStep, *, torques_change: bool) -> bool:
+    def add_step(self, step: IntegratorStep, *, torques_change_at_end: bool) -> bool:
         """Add the samples within a step; False if loops cannot be closed within it.
 
         If torques change at the end of the step, the sample there has the new torques: the next
         step adds it.
         """
         until = step.end
-        if torques_change and step.end < self._times[-1]:
-            until = float(np.nextafter(step.end, -np.inf))
+        if torques_change_at_end and step.end < self._times[-1]:
+            until = float(np.nextafter(step.end, -np.inf))  # without the end
         times = self._next_times(until)
         if not len(times):
             return True

@@ -90,6 +90,10 @@ class SingularityCrossing:
         """
         self._past.append(state)
 
+    def give_up(self) -> None:
+        """End an approach without a step."""
+        self.approach = None
+
     def begin_approach(self, state: MotionState, t: float, q: Array) -> MotionState | None:
         """Begin to approach a singular configuration that is ahead of q at time t.
 

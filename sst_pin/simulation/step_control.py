@@ -124,20 +124,20 @@ class StepControl:
         self._first_length = min(self._first_length, self._watch.longest(step.start))
         return True
 
-    def remember_length(self, step: IntegratorStep, *, torques_change: bool) -> None:
+    def remember_length(self, step: IntegratorStep, *, torques_change_at_end: bool) -> None:
         """Remember the length of a step, for the first step of the next solver.
 
-        `torques_change` says that the step was cut short where torques change; then it does not
-        make the next one shorter.
+        A step that ends where torques change may have been cut short there. It does not make the
+        next one shorter.
         """
         length = step.length
-        if torques_change and np.isfinite(self._first_length):
+        if torques_change_at_end and np.isfinite(self._first_length):
             length = max(length, self._first_length)
         self._first_length = length
 
-    def shorten(self, regular: float) -> None:
+    def shorten(self, fraction: float) -> None:
         """Make the next step shorter than the one remembered, of which a fraction is regular."""
-        self._first_length *= max(regular, _SHORTER)
+        self._first_length *= max(fraction, _SHORTER)
 
     def _longest(self, t: float) -> float:
         """The longest step from a time that misses no change of a torque or load.
