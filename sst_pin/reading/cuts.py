@@ -64,7 +64,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
     error names every problem.
     """
     content = YamlContent(text, source)
-    if "closures" in content:  # only sw2robot's files have this key
+    if "closures" in content and not content.keys() & set(_KEYS):  # only sw2robot's files
         cuts = _sw2robot_cuts(content)
     else:
         cuts = _laas_cuts(content)

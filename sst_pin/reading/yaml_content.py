@@ -3,7 +3,7 @@
 
 import reprlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from difflib import get_close_matches
 from itertools import accumulate
 from typing import Any, TypeVar
@@ -19,8 +19,10 @@ _MAX_LENGTH = 200_000
 _MAX_DEPTH = 50
 _DEPTH_CHANGE = {"[": 1, "{": 1, "]": -1, "}": -1}
 
-#: Keys by the names that arguments of `ClosedChain` and other words have for the same.
+#: Keys by the names that arguments of `ClosedChain` and other words have for the same; those of the
+#: file, then those of its entries.
 _SAME_MEANING = {
+    "closures": "closed_loop",
     "lines": "line_force",
     "forces": "line_force",
     "ropes": "contacts",
@@ -28,6 +30,27 @@ _SAME_MEANING = {
     "motors": "name_mot",
     "springs": "joint_spring",
     "stiffness": "joint_spring",
+    "damping": "viscous_friction",
+    "limits": "joint_limit",
+}
+_SAME_MEANING_IN_ENTRY = {
+    "frame_a": "frames",
+    "frame_b": "frames",
+    "sites": "frames",
+    "site": "frame",
+    "mu": "friction",
+    "k": "stiffness",
+    "d": "damping",
+    "length": "rest_length",
+    "max_length": "length",
+    "frames": "rope",
+    "min": "lower",
+    "max": "upper",
+    "force": "effort",
+    "q0": "reference",
+    "rest": "reference",
+    "inertia": "rotor_inertia",
+    "ratio": "gear_ratio",
 }
 #: Examples of the lists that users type by hand.
 _EXAMPLES = {
@@ -53,23 +76,23 @@ class YamlContent(dict[str, Any]):
         """Report the keys that are not known, with the one that is meant."""
         known = ", ".join(keys)
         for key in self:
-            if key in keys:
-                continue
-            similar = get_close_matches(str(key), keys, n=1)
-            meant = _SAME_MEANING.get(str(key)) or "".join(similar)
-            guess = f"; do you mean {meant}" if meant else ""
-            self.problems.append(f"{key}: unknown{guess}; known: {known}")
+            if key not in keys:
+                guess = _guess(key, keys, _SAME_MEANING)
+                self.problems.append(f"{key}: unknown{guess}; known: {known}")
 
     def entries(self, key: str, parse: Callable[[Any], _T]) -> list[_T]:
         """The entries of a list, each parsed; entries with a problem are left out."""
         value = self.get(key, [])
         results = list[_T]()
+        example = _EXAMPLES.get(key, "")
+        such = f", such as {key}: {example}" if example else ""
         if not isinstance(value, list):
-            example = _EXAMPLES.get(key)
-            such = f", such as {key}: {example}" if example else ""
             self.problems.append(f"{key}: a list is needed{such}")
             return results
         for entry in value:
+            if example.startswith("[{") and not isinstance(entry, dict):
+                self.problems.append(f"{key}: {shown(entry)} is not a mapping{such}")
+                continue
             with collecting_problems(self.problems, f"{key}: "):
                 results.append(parse(entry))
         return results
@@ -138,8 +161,17 @@ def mapping_in(value: Any, keys: Collection[str] = ()) -> dict[str, Any]:
         raise ValueError(f"{shown(value)} is not a mapping{of_keys}")
     unknown = [key for key in value if keys and key not in keys]
     if unknown:
-        raise ValueError(f"{', '.join(unknown)} unknown; known: {', '.join(keys)}")
+        guess = _guess(unknown[0], keys, _SAME_MEANING_IN_ENTRY)
+        raise ValueError(f"{', '.join(unknown)} unknown{guess}; known: {', '.join(keys)}")
     return value
+
+
+def _guess(key: str, keys: Collection[str], same_meaning: Mapping[str, str]) -> str:
+    """The known key that an unknown one may mean, in words; empty if there is none."""
+    meant = same_meaning.get(str(key), "")
+    if meant not in keys:
+        meant = "".join(get_close_matches(str(key), keys, n=1))
+    return f"; do you mean {meant}" if meant else ""
 
 
 def numbers_in(value: Any, **defaults: str | None) -> list[float]:

@@ -249,6 +249,59 @@ def test_a_body_that_cannot_move_is_carried_as_in_the_tests_of_mujoco(
     np.testing.assert_allclose(R_sensor.T @ about_sensor, moment, atol=1e-9)
 
 
+_WELDED_POINT = '<weld name="w" body1="body1" body2="body2" anchor="0 0 0" torquescale="0"/>'
+
+
+@pytest.mark.parametrize("equality", [_POINT.format("0 0 0"), _WELDED_POINT])
+@pytest.mark.parametrize(
+    ("pose", "at", "force"),
+    [
+        (_UPRIGHT, "0 0 -0.1", (0, 0, 2)),  # connect/force_slide, weld/tfratio0_force_slide
+        (_UPRIGHT | _TILTED, "0 0 -0.2", (0, ROOT_2, ROOT_2)),  # and their `_rotated`
+    ],
+)
+def test_a_body_on_a_slide_is_carried_as_in_the_tests_of_mujoco(
+    tmp_path, equality, pose, at, force
+):
+    """The weight is along the slide, where the force is unique; across it the slide shares it."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "stands.xml"
+    parts = {"gravity": "0 0 -1", "joint": 'type="slide" axis="0 0 1"', "at": f'pos="{at}"'}
+    path.write_text(MUJOCO.format(**pose | parts | {"equality": equality}))
+    chain = ClosedChain.from_mjcf(path)
+    assert chain.degrees_of_freedom == 0
+    on_b = chain.reactions(chain.home, axes=np.eye(3)).of("w_A - w_B")[:3]
+    assert np.isnan(on_b[:2]).all()
+    _, R_sensor = chain.frame_placement(chain.home, "sensor")
+    weight = 1.0  # of body 1
+    np.testing.assert_allclose(on_b[2] + weight, (R_sensor @ force)[2], atol=1e-9)
+
+
+def test_what_moves_beside_a_body_that_cannot_does_not_change_what_carries_it(tmp_path):
+    """`connect/multiple_constraints`: a block is held by dry friction, here by a brake."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "stands.xml"
+    path.write_text("""<mujoco><option gravity="1 2 3"/>
+        <default><geom size="0.05 0.05 0.05" type="box"/></default><worldbody>
+        <body name="body0" pos="-3 0 0"><joint name="joint0" type="slide" axis="0 0 1"/><geom/>
+        </body>
+        <body name="body1"><geom/><site name="sensor"/></body>
+        <body name="body2" pos="1 2 3"><joint type="free"/><geom/></body>
+        <body name="body3" pos="3 0 0"><geom/><body name="body3b" pos="3 0 -1">
+        <joint name="block" type="slide" axis="0 0 1" frictionloss="9"/><geom/></body></body>
+        <body name="body4" pos="4 0 0"><joint type="free"/><geom/></body></worldbody>
+        <equality><joint joint1="joint0"/><weld body1="body3" body2="body4"/>
+        <connect name="w" body1="body1" body2="body2" anchor="0 0 0"/></equality></mujoco>""")
+    chain = ClosedChain.from_mjcf(path)
+    assert chain.degrees_of_freedom == 4  # three turns of body 2, and the block
+    standing = chain.with_brakes(["block"])
+    w = standing.reactions(chain.home)
+    _, R = chain.frame_placement(chain.home, "w_B")
+    np.testing.assert_allclose(R @ w.of("w_A - w_B")[:3], (-1, -2, -3), atol=1e-9)
+    np.testing.assert_allclose(w.brakes["block"], -3.0, atol=1e-9)
+    np.testing.assert_allclose(w.of("joint0 after nothing")[2], -3.0, atol=1e-9)
+
+
 def test_a_rope_that_carries_a_body_carries_it_as_in_the_tests_of_mujoco(tmp_path):
     """`rne_post/tendon/equality_free`: 1 N upwards on the fixed end, 1 N down on the other."""
     pytest.importorskip("mujoco")

@@ -167,7 +167,10 @@ def test_a_yaml_lists_forces_along_lines(delta):
     [
         ("line_force: [gas]", "line_force: 'gas' is not a mapping"),
         ("line_force: [{frames: [a]}]", "is not a pair of frame names"),
-        ("line_force: [{frames: [a, b], stiff: 3}]", "stiff unknown; known: name, frames, stiffn"),
+        (
+            "line_force: [{frames: [a, b], stiff: 3}]",
+            "stiff unknown; do you mean stiffness; known: name",
+        ),
         ("line_force: [{frames: [a, b], damping: much}]", "damping 'much' is not a number"),
         ("line_force: [{frames: [a, b], damping: -1}]", "damping of line a-b: -1 is negative"),
         ("line_force: [{frames: [a, a]}]", "two different frames"),
