@@ -43,7 +43,8 @@ def read_urdf(
     """Read a robot as `ClosedChain.from_urdf`; warnings point to the caller of that method."""
     urdf = path if isinstance(path, Urdf) else Urdf.read(path, model)
     content = read_cuts(urdf, cuts, default)
-    robot = closed_robot(urdf, content._replace(locked=(*content.locked, *names("locked", locked))))
+    all_locked = (*content.locked, *names("locked", locked))
+    robot = closed_robot(urdf, content._replace(locked=all_locked))
     notes = [*urdf.notices, *robot.notes]
     if actuated is not None:
         robot = robot._replace(actuated=actuated)
@@ -86,38 +87,34 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     Its mimic joints are closures too. Without closures it is an open tree.
     """
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
+    kinds = dict(cuts.joints)
+    notes = list[Problem]()
 
-    # The tree, before joints are locked, and its couplings.
-    model = urdf.tree(dict(cuts.joints))
+    # The tree, before joints are locked.
+    model = urdf.tree(kinds)
     model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
     _require_dependent(model, cuts, source)
-    couplings = _couplings(urdf, cuts, source)
-    joints_with_limits = set[str]()
-    for key in LIMITS:
-        joints_with_limits.update(cuts.numbers.get(key, {}))
-    notes = [
-        *_replaced_marks(model, cuts, urdf.loop_elements),
-        *lost_limits(urdf.root, dict(cuts.joints), joints_with_limits),
-    ]
 
-    # Closures, and numbers of joints.
+    # Closures.
+    couplings = _couplings(urdf, cuts, source)
+    notes += _replaced_closures(model, cuts, urdf.loop_elements)
     with naming(source):
-        loops = _loops(model, cuts, urdf.loop_elements)
+        loops = _add_loops(model, cuts, urdf.loop_elements)
+
+    # Numbers of joints.
+    notes += lost_limits(urdf.root, kinds, _joints_with_limits(cuts))
+    with naming(source):
         numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed)
         put_numbers(model, numbers)
 
-    # Configurations by name, then the joints that are locked.
-    srdf = None
+    # Configurations by name have positions of all joints, so joints are locked afterwards.
     srdf_path = Path(urdf.source).with_suffix(".srdf")
-    if srdf_path.is_file():
-        srdf = Srdf(srdf_path)
+    srdf = Srdf(srdf_path) if srdf_path.is_file() else None
+    if srdf is not None:
         texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
         notes += [warning("srdf", text) for text in texts]
     with naming(source):
-        fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
-        locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
-        if locked:
-            model = without_locked(model, locked)
+        model = _with_locked_joints(model, urdf, cuts)
         stiffness, spring_reference = springs_of(model, numbers)
 
     # Motors; in an open tree without motors each joint has one.
@@ -128,8 +125,9 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         open_tree = _open_tree_warning(srdf_path.stem, bool(cuts.actuated), bool(followers))
         if not cuts.actuated:
             motors = tuple(_single_joints(model, followers))
+
     if not any(inertia.mass for inertia in list(model.inertias)[1:]):
-        notes.append(_without_mass(model))
+        notes.append(_mass_warning(model))
     return RobotFile(
         source=source,
         model=model,
@@ -147,7 +145,33 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     )
 
 
-def _loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Constraint, ...]:
+def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
+    """Raise an error if a dependent joint of the cuts is not in the tree."""
+    known = list(model.names)[1:]
+    problems = [f"dependent: no moving joint {n}" for n in cuts.dependent if n not in known]
+    if problems:
+        raise DescriptionError(source, problems)
+
+
+# --- closures -----------------------------------------------------------------------------------
+
+
+def _replaced_closures(model: pin.Model, cuts: Cuts, elements: LoopElements) -> Iterator[Problem]:
+    """A warning of closures that the URDF marks and that the closures of the YAML replace."""
+    names = [joint.name for joint in elements.joints]
+    if cuts.closures:
+        used_frames = set[str]()
+        for closure in cuts.closures:
+            used_frames.update(frames_of(closure))
+        for frame in model.frames:
+            if is_closing(frame) and frame.name not in used_frames:
+                names.append(frame.name)
+    if names and (cuts.closures or cuts.hinges):
+        text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
+        yield warning("closures", text)
+
+
+def _add_loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Constraint, ...]:
     """The closures of the YAML, else those that the URDF marks.
 
     Frames of joints that close loops are added to the model.
@@ -156,6 +180,76 @@ def _loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Constr
         return cuts.closures
     joints = cuts.hinges or elements.joints  # the YAML replaces what the URDF marks
     return (*closures_of_frames(model), *(joint.add_closure(model) for joint in joints))
+
+
+def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
+    """The mimic joints and gears of a URDF and the couplings of its cuts, without fixed joints.
+
+    The cuts replace the mimic joints whose position they determine.
+    """
+    determined = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
+    mimics = [mimic for mimic in urdf.mimics if mimic.joint not in determined]
+    couplings = [*mimics, *urdf.loop_elements.gears, *cuts.couplings]
+    return tuple(_couplings_that_move(couplings, cuts.fixed, source))
+
+
+def _couplings_that_move(
+    couplings: Sequence[Coupling], locked: Collection[str], source: str
+) -> Iterator[Coupling]:
+    """The couplings that remain when some joints are locked at zero."""
+    for coupling in couplings:
+        moving = {}
+        at_zero = 0.0  # what the locked joints add to the sum
+        for name, coefficients in coupling.polynomials.items():
+            if name in locked:
+                at_zero += coefficients[0]
+            else:
+                moving[name] = coefficients
+        offset = coupling.offset + at_zero
+        if coupling.joint not in locked:
+            yield Coupling(coupling.joint, moving, offset)
+        elif moving or offset:
+            leaders = ", ".join(moving) or "with an offset"
+            text = f"locked joint {coupling.joint} mimics {leaders}: "
+            raise DescriptionError(source, [text + "lock both joints, at zero, or none"])
+
+
+# --- joints -------------------------------------------------------------------------------------
+
+
+def _joints_with_limits(cuts: Cuts) -> set[str]:
+    """Joints to which the cuts give a limit."""
+    names = set[str]()
+    for key in LIMITS:
+        names.update(cuts.numbers.get(key, {}))
+    return names
+
+
+def _with_locked_joints(model: pin.Model, urdf: Urdf, cuts: Cuts) -> pin.Model:
+    """The tree in which the joints that the cuts lock do not move; the URDF may fix some already."""
+    fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
+    locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
+    return without_locked(model, locked) if locked else model
+
+
+def _moving_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
+    """Motors without the joints that are locked."""
+    for motor in motors:
+        tendon, shares = tendon_of(motor)
+        moving = {joint: share for joint, share in shares.items() if joint not in locked}
+        if not moving:
+            continue
+        if isinstance(motor, str):
+            yield motor
+        else:
+            yield {tendon: moving}
+
+
+def _single_joints(model: pin.Model, followers: Collection[str]) -> Iterator[str]:
+    """Joints of one axis that follow no other joint."""
+    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        if joint.nv == 1 and name not in followers:
+            yield name
 
 
 def _open_tree_warning(name: str, has_motors: bool, has_followers: bool) -> str:
@@ -172,83 +266,8 @@ def _open_tree_warning(name: str, has_motors: bool, has_followers: bool) -> str:
     return text + " has a motor; actuated= names the motors"
 
 
-def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
-    """The dependent joints of the cuts must be in the tree."""
-    known = list(model.names)[1:]
-    problems = [f"dependent: no moving joint {n}" for n in cuts.dependent if n not in known]
-    if problems:
-        raise DescriptionError(source, problems)
-
-
-def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
-    """The mimic joints and gears of a URDF and the couplings of its cuts, without fixed joints.
-
-    The cuts replace the mimic joints whose position they determine.
-    """
-    determined = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
-    mimics = [mimic for mimic in urdf.mimics if mimic.joint not in determined]
-    couplings = [*mimics, *urdf.loop_elements.gears, *cuts.couplings]
-    return tuple(_couplings_that_move(couplings, cuts.fixed, source))
-
-
-def _replaced_marks(model: pin.Model, cuts: Cuts, elements: LoopElements) -> Iterator[Problem]:
-    """A warning of closures that the URDF marks and that the closures of the YAML replace."""
-    names = [joint.name for joint in elements.joints]
-    if cuts.closures:
-        used_frames = set[str]()
-        for closure in cuts.closures:
-            used_frames.update(frames_of(closure))
-        for frame in model.frames:
-            if is_closing(frame) and frame.name not in used_frames:
-                names.append(frame.name)
-    if names and (cuts.closures or cuts.hinges):
-        text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
-        yield warning("closures", text)
-
-
-def _single_joints(model: pin.Model, followers: Collection[str]) -> Iterator[str]:
-    """Joints of one axis that follow no other joint."""
-    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        if joint.nv == 1 and name not in followers:
-            yield name
-
-
-def _without_mass(model: pin.Model) -> Problem:
+def _mass_warning(model: pin.Model) -> Problem:
     """A warning of a robot whose moving links have no mass."""
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint]
     text = "no moving link has mass, so torques miss weights and inertias; write <inertial>"
     return warning(f"links {listed(links)}", text)
-
-
-def _moving_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
-    """Motors without the joints that are locked."""
-    for motor in motors:
-        tendon, shares = tendon_of(motor)
-        moving = {joint: share for joint, share in shares.items() if joint not in locked}
-        if not moving:
-            continue
-        if isinstance(motor, str):
-            yield motor
-        else:
-            yield {tendon: moving}
-
-
-def _couplings_that_move(
-    couplings: Sequence[Coupling], locked: Collection[str], source: str
-) -> Iterator[Coupling]:
-    """The couplings that remain when some joints are locked at zero."""
-    for coupling in couplings:
-        moving = {}
-        constants = 0.0
-        for name, coefficients in coupling.polynomials.items():
-            if name in locked:
-                constants += coefficients[0]
-            else:
-                moving[name] = coefficients
-        offset = coupling.offset + constants
-        if coupling.joint not in locked:
-            yield Coupling(coupling.joint, moving, offset)
-        elif moving or offset:
-            leaders = ", ".join(moving) or "with an offset"
-            text = f"locked joint {coupling.joint} mimics {leaders}: "
-            raise DescriptionError(source, [text + "lock both joints, at zero, or none"])

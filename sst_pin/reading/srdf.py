@@ -30,6 +30,10 @@ _ELEMENTS = (
 )
 
 
+#: Positions by the names of joints.
+_Pose = dict[str, Array]
+
+
 class Srdf:
     """An SRDF, read and parsed once."""
 
@@ -42,13 +46,22 @@ class Srdf:
     ) -> list[str]:
         """Put the named configurations into a model, as its `referenceConfigurations`.
 
-        States of several groups with one name are one configuration. `joints` are those of the
-        URDF; the result says which states move joints that the caller locks.
+        States of several groups with one name are one configuration.
+
+        Args:
+            model: The tree; it has joints that are locked later.
+            joints: Names of all joints of the URDF.
+            locked: Names of joints that the caller locks at zero.
+
+        Returns:
+            Notes on states that move locked joints.
+
+        Raises:
+            DescriptionError: It lists all problems of the states.
         """
         problems = list(self._unknown_elements())
         notes = list[str]()
-        # Position of each joint, by the names of states and joints.
-        poses = dict[str, dict[str, Array]]()
+        poses = dict[str, _Pose]()  # by the name of the state
         for state in self._root.findall("group_state"):
             name = state.get("name", "")
             where = f"group_state {state.get('name')}: "
@@ -56,18 +69,9 @@ class Srdf:
                 problems.append("a group_state has no name")
             pose = poses.setdefault(name, {})
             for element in state.findall("joint"):
-                joint = element.get("name", "")
-                text = element.get("value", "")
                 with collecting_problems(problems, where):
-                    value = _value(model, joints, joint, text)
-                    if (pose.setdefault(joint, value) != value).any():
-                        raise ValueError(f"{joint} has two values, {text} is one of them")
-                    can_move = model.existJointName(joint) and joint not in locked
-                    if value.any() and not can_move:
-                        problem = f"{joint} is fixed at zero, not at {text}"
-                        if joint not in locked:
-                            raise ValueError(problem)
-                        notes.append(where + problem)
+                    _add_position(pose, element, model, joints)
+                    notes += _locked_elsewhere(element, pose, model, locked, where)
         configurations = {name: configuration(model, pose) for name, pose in poses.items()}
         for name, q in configurations.items():
             if not pin.isNormalized(model, q, 1e-9):  # a quaternion of zeros
@@ -101,16 +105,50 @@ class Srdf:
         pin.removeCollisionPairsFromXML(model, collision, text, False)
 
 
+def _add_position(
+    pose: _Pose, element: ET.Element, model: pin.Model, joints: Collection[str]
+) -> None:
+    """Add the position of a joint in a state to its pose; a ValueError if this is not possible."""
+    joint = element.get("name", "")
+    value = _value(model, joints, joint, element.get("value", ""))
+    if (pose.setdefault(joint, value) != value).any():
+        text = element.get("value", "")
+        raise ValueError(f"{joint} has two values, {text} is one of them")
+
+
+def _locked_elsewhere(
+    element: ET.Element, pose: _Pose, model: pin.Model, locked: Collection[str], where: str
+) -> list[str]:
+    """A note if a state moves a locked joint.
+
+    Raises:
+        ValueError: If it moves a joint that is fixed in the URDF.
+    """
+    joint = element.get("name", "")
+    can_move = model.existJointName(joint) and joint not in locked
+    if can_move or not pose[joint].any():
+        return []
+    problem = f"{joint} is fixed at zero, not at {element.get('value', '')}"
+    if joint not in locked:
+        raise ValueError(problem)
+    return [where + problem]
+
+
 def _value(model: pin.Model, joints: Collection[str], joint: str, text: str) -> Array:
-    """The position of a joint; one number for a joint that is fixed in the model."""
-    moves = model.existJointName(joint)
-    axes = [f"{joint}_{axis}" for axis in "XYZ"]  # of a universal joint in the YAML
-    parts = [part for part in axes if model.existJointName(part) and part not in joints]
-    if not moves and parts:
-        raise ValueError(f"{joint} is {' and '.join(parts)} here")
-    if not moves and joint not in joints:
-        raise ValueError(f"no joint {joint} in the URDF")
-    size = model.joints[model.getJointId(joint)].nq if moves else 1
+    """The position of a joint, as a text in a file; one number for a joint that is fixed.
+
+    `joints` are the joints of the URDF. The YAML may replace some by two in series in the model.
+    """
+    if model.existJointName(joint):
+        size = model.joints[model.getJointId(joint)].nq
+    else:
+        series = [f"{joint}_{axis}" for axis in "XYZ"]  # of a universal joint
+        parts = [part for part in series if model.existJointName(part) and part not in joints]
+        if parts:
+            raise ValueError(f"{joint} is {' and '.join(parts)} here")
+        if joint not in joints:
+            raise ValueError(f"no joint {joint} in the URDF")
+        size = 1
     value = numbers(text, size)
     if value is None:
         need = "a number" if size == 1 else f"{size} numbers"
