@@ -226,8 +226,9 @@ def _joints_with_limits(cuts: Cuts) -> set[str]:
 
 
 def _with_locked_joints(model: pin.Model, urdf: Urdf, cuts: Cuts) -> pin.Model:
-    """The tree in which the joints that the cuts lock do not move; the URDF may fix some already."""
+    """The tree in which the joints that the cuts lock do not move."""
     fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
+    # Joints that the URDF fixes are no joints of the tree.
     locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
     return without_locked(model, locked) if locked else model
 

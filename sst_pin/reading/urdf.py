@@ -15,7 +15,7 @@ from .acting_elements import unread_elements
 from .joint_kinds import with_kinds
 from .loop_elements import loop_elements
 from .problems import numbers, placement
-from .sdf import Sdf
+from .sdf import read_sdf
 from .text import parse_almost_xml, read_text, with_elements
 from .tool_elements import is_weightless, joint_numbers, mimics_of
 from .urdf_checks import check
@@ -50,12 +50,11 @@ class Urdf:
         self._balls = list[str]()
         self.helpers: list[str] = []
         if self.root.tag == "sdf":
-            sdf = Sdf(self.root, source, model)
-            graph = sdf.graph()
-            self.root = graph.urdf
+            sdf = read_sdf(self.root, source, model)
+            self.root = sdf.graph.urdf
             self.gravity = sdf.gravity
-            self._balls = graph.balls
-            self.helpers = graph.helpers
+            self._balls = sdf.graph.balls
+            self.helpers = sdf.graph.helpers
             notices += sdf.notes
         elif model is not None:
             raise InputError("model", "only an SDF has several models")

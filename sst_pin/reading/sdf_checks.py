@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Checks of a model of an SDF: names, and parts that cannot be read or are not read."""
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Sequence
+
+from .acting_elements import plugin_problem
+from .joint_graph import WORLD
+from .problems import is_true, warning
+from .sdf_model import SdfModel
+
+
+def check(model: SdfModel) -> None:
+    """Add problems of names, and of parts of the robot that are not in its links and joints."""
+    _require_distinct_names(model)
+    for part in model.element.findall("include"):
+        name = part.get("name") or part.findtext("uri") or ""
+        text = "parts of a model in other files are not supported; write them into this file"
+        model.problems.append(f"<include> {name}: {text}")
+    for link in model.links.values():
+        if is_true(link.findtext("kinematic")):
+            model.refuse(link, "a kinematic link, moved without forces, is not supported")
+        inertial = link.find("inertial")
+        if inertial is not None and is_true(inertial.get("auto")):
+            text = "the inertia of shapes (auto) is not computed; write mass and inertia"
+            model.refuse(link, text)
+
+
+def _require_distinct_names(model: SdfModel) -> None:
+    """Add problems of links, joints or frames without a name, or with the same name."""
+    for tag in ("link", "joint", "frame"):
+        names = Counter(e.get("name", "") for e in model.element.findall(tag))
+        for name, count in names.items():
+            if not name:
+                model.problems.append(f"{tag}: {count} without a name")
+            elif count > 1:
+                model.problems.append(f"{tag} {name}: {count} have this name")
+    canonical = model.element.get("canonical_link")
+    if canonical and canonical not in model.links:
+        model.problems.append(f"model: its canonical_link {canonical} is not one of its links")
+
+
+def note_unread(model: SdfModel, worlds: Sequence[ET.Element]) -> None:
+    """Add warnings of parts of a model and its world that may act and are not read."""
+    for world in worlds:
+        _note_rest_of_world(model, world)
+    for parent in (*worlds, model.element):
+        for plugin in parent.findall("plugin"):
+            model.notes += plugin_problem(plugin, parent.tag)
+    _note_forces_of_medium(model)
+    _note_poses_in_world(model)
+
+
+def _note_rest_of_world(model: SdfModel, world: ET.Element) -> None:
+    """Warn of elements of the world that may touch or hold the model."""
+    for include in world.findall("include"):
+        text = f"{include.findtext('uri', '').strip()} is not read"
+        model.notes.append(warning("<include> in <world>", text))
+    for joint in world.findall("joint"):
+        text = "a joint of the world is not read; put it into the model"
+        model.notes.append(warning(f"joint {joint.get('name')}", text))
+
+
+def _note_forces_of_medium(model: SdfModel) -> None:
+    """Warn of damping by a medium, of its mass, and of wind."""
+    has_wind = is_true(model.element.findtext("enable_wind"))
+    for link in model.links.values():
+        where = f"link {link.get('name')}"
+        for path in ("velocity_decay/linear", "velocity_decay/angular"):
+            if model.number(link, link, path, 0.0):
+                model.notes.append(warning(where, f"<{path}> is not read"))
+        if link.find("inertial/fluid_added_mass") is not None:
+            model.notes.append(warning(where, "<fluid_added_mass> is not read"))
+        if is_true(link.findtext("enable_wind")):
+            has_wind = True
+    if has_wind:
+        model.notes.append(warning("model", "wind is not read"))
+
+
+def _note_poses_in_world(model: SdfModel) -> None:
+    """Warn of parts whose pose is relative to the world."""
+    for element in model.element.iter():
+        pose = element.find("pose")
+        if pose is None or element is model.element:
+            continue
+        if pose.get("relative_to") == WORLD:
+            where = f"{element.tag} {element.get('name', '')}".strip()
+            text = "its pose is relative to the world, which other tools refuse"
+            model.notes.append(warning(where, text))

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One model of an SDF: its elements and frames, with the problems and notes of its readers."""
+
+import xml.etree.ElementTree as ET
+
+from .problems import Problem, numbers
+from .sdf_frames import SdfFrames
+from .sdf_nesting import without_nested_models
+
+
+class SdfModel:
+    """A model of an SDF without inner models.
+
+    Attributes:
+        element: The `<model>`.
+        links: Its links, by name.
+        frames: Its frames.
+        problems: What cannot be read. The readers of the model add to them.
+        notes: Warnings of content that is not read, or that is missing and has a default. The
+            readers add to them too.
+    """
+
+    def __init__(self, element: ET.Element, is_in_world: bool) -> None:
+        self.element, self.problems = without_nested_models(element)
+        self.notes = list[Problem]()
+        self.links = {link.get("name", ""): link for link in self.element.findall("link")}
+        self.frames = SdfFrames(self.element, is_in_world, self.problems)
+
+    def refuse(self, element: ET.Element, text: str) -> None:
+        """Add a problem of an element of the model."""
+        self.problems.append(f"{element.tag} {element.get('name')}: {text}")
+
+    def number(self, owner: ET.Element, part: ET.Element, path: str, default: float) -> float:
+        """The number at a path in a part of an element; a problem of the element if it is none."""
+        text = part.findtext(path, "").strip() or repr(default)
+        if text.lstrip("+-").lower() in ("inf", "infinity"):
+            return float(text)
+        value = numbers(text, 1)
+        if value is None:
+            self.refuse(owner, f"{path} {text!r} is not a number")
+            return default
+        return float(value[0])
