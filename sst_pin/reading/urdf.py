@@ -49,7 +49,8 @@ class Urdf:
         self.gravity = np.array([0, 0, -9.81])
         self._balls = list[str]()
         self.helpers: list[str] = []
-        if self.root.tag == "sdf":
+        is_sdf = self.root.tag == "sdf"
+        if is_sdf:
             sdf = read_sdf(self.root, source, model)
             self.root = sdf.graph.urdf
             self.gravity = sdf.gravity
@@ -60,7 +61,8 @@ class Urdf:
             raise InputError("model", "only an SDF has several models")
         if is_weightless(self.root):
             self.gravity = np.zeros(3)
-        notices += [*add_defaults(self.root), *unread_elements(self.root)]
+        notices += [*add_defaults(self.root)]
+        notices += [*unread_elements(self.root, self.gravity, is_sdf)]
         self.numbers = joint_numbers(self.root)
         self.loop_elements = loop_elements(self.root)
         self.notices = tuple(notice for notice in notices if notice.severity != "error")

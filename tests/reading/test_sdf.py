@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An SDF is the robot that it describes: poses, reversed joints, loops, gravity."""
 
+import ast
+import re
 import warnings
 
 import numpy as np
@@ -480,3 +482,38 @@ def test_what_inner_models_cannot_be_is_named(tmp_path):
         sst_pin.ClosedChain.from_urdf(path)
     assert "placement_frame of an inner model" in str(caught.value)
     assert "an inner model that is static" in str(caught.value)
+
+
+def test_the_cure_of_a_link_without_gravity_carries_its_weight(tmp_path):
+    """As printed, in a world with another gravity and a joint that is not at the link's origin.
+
+    The referee has two parts: Pinocchio's torques without gravity, and those at rest of the robot
+    whose link has no mass.
+    """
+    at_b = "<pose>0.1 0 0.05 0.2 0 0</pose>" + axis("0 1 0")
+    text = sdf(
+        link("a", "0 0 0 0 0 0", mass=2.0),
+        link("b", "0.3 0 0 0.2 0.3 0.4", at="0.05 0.02 0.1 0 0 0", mass=1.5),
+        joint("j_a", "revolute", "world", "a", axis("0.6 0.8 0")),
+        joint("j_b", "revolute", "a", "b", at_b),
+        world="<gravity>0.5 0 -3.7</gravity>",
+    )
+    motors = ("j_a", "j_b")
+    q, va, aa = np.random.default_rng(1).normal(size=(3, 2))
+    weightless = text.replace("<gravity>0.5 0 -3.7</gravity>", "<gravity>0 0 0</gravity>")
+    light = text.replace("<mass>1.5</mass>", "<mass>1e-12</mass>")
+    chain = chain_of(weightless, tmp_path, *motors)
+    expected = pin.rnea(chain.model, chain.model.createData(), q, va, aa)
+    expected += chain_of(light, tmp_path, *motors).compute_torques(q, [0, 0], [0, 0])
+
+    start = text.index("<inertial>", text.index('<link name="b"'))
+    text = text[:start] + "<gravity>false</gravity>" + text[start:]
+    with pytest.warns(sst_pin.DescriptionWarning, match="gravity is off for some") as caught:
+        chain_of(text, tmp_path, *motors)
+    told = str(caught[0].message)
+    frame = re.search("<frame name.*?</frame>", told).group()
+    wrenches = ast.literal_eval(re.search("external_wrenches=({.*?})", told).group(1))
+    with pytest.warns(sst_pin.DescriptionWarning, match="gravity is off for some"):
+        chain = chain_of(text.replace("</model>", f"{frame}</model>"), tmp_path, *motors)
+    tau = chain.compute_torques(q, va, aa, external_wrenches=wrenches)
+    np.testing.assert_allclose(tau, expected, atol=1e-10)
