@@ -8,7 +8,9 @@ outside. The frame of the inner model becomes a frame `arm`, which moves with it
 from copy import deepcopy
 from xml.etree import ElementTree as ET
 
+from .joint_graph import WORLD
 from .problems import is_true
+from .sdf_frames import MODEL
 
 #: Elements with names that other elements refer to.
 _NAMED = ("link", "joint", "frame")
@@ -20,10 +22,6 @@ _ATTRIBUTES = {
     "mimic": ("joint",),
 }
 _TEXTS = ("parent", "child", "gearbox_reference_body")
-#: The frame of the model itself.
-_MODEL = "__model__"
-#: The world, which has the same name everywhere.
-_WORLD = "world"
 
 
 def without_nested_models(model: ET.Element) -> tuple[ET.Element, list[str]]:
@@ -68,7 +66,7 @@ def _parts(model: ET.Element, name: str) -> list[ET.Element]:
     pose = model.find("pose")
     pose = ET.Element("pose") if pose is None else deepcopy(pose)
     if not (pose.get("relative_to") or pose.get("frame")):
-        pose.set("relative_to", _MODEL)
+        pose.set("relative_to", MODEL)
     frame.append(pose)
     return [*parts, frame]
 
@@ -76,19 +74,19 @@ def _parts(model: ET.Element, name: str) -> list[ET.Element]:
 def _make_default_frames_explicit(part: ET.Element) -> None:
     """Name the frame of the model where an element refers to it by default."""
     if part.tag == "frame" and not part.get("attached_to"):
-        part.set("attached_to", _MODEL)
+        part.set("attached_to", MODEL)
     if part.tag == "link":
         pose = part.find("pose")
         if pose is None:
             pose = ET.SubElement(part, "pose")
         if not (pose.get("relative_to") or pose.get("frame")):
-            pose.set("relative_to", _MODEL)
+            pose.set("relative_to", MODEL)
     if part.tag == "joint":
         for axis in (*part.findall("axis"), *part.findall("axis2")):
             xyz = axis.find("xyz")
             in_model = is_true(axis.findtext("use_parent_model_frame"))
             if in_model and xyz is not None and not xyz.get("expressed_in"):
-                xyz.set("expressed_in", _MODEL)
+                xyz.set("expressed_in", MODEL)
 
 
 def _rename(part: ET.Element, model: str) -> None:
@@ -96,9 +94,9 @@ def _rename(part: ET.Element, model: str) -> None:
 
     def outer(name: str) -> str:
         """The name in the outer model of what has this name in the inner one."""
-        if name == _WORLD:
+        if name == WORLD:  # it has the same name everywhere
             return name
-        if name == _MODEL:
+        if name == MODEL:
             return model
         return f"{model}::{name}"
 

@@ -10,24 +10,35 @@ import numpy as np
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from .tree_motion import MovingRobot, PinocchioTree, Tree, free_motions, solution_of
+from .tree_motion import MovingRobot, PinocchioTree, Tree, closed_motions, solution_of
 
 
 class LagrangeMultipliers:
-    """Dynamics of any closed chain, for configurations with closed loops."""
+    """Dynamics of any closed chain, for configurations with closed loops.
+
+    The equations of motion of the tree, with motor torques tau and the multipliers lambda of the
+    closures, are
+
+        F(dv) = applied + B tau + Phi^T lambda,    Phi dv = -drift.
+
+    F(dv) are the joint forces of the tree and of the masses of lines; the other letters are those
+    of `MovingRobot`.
+    """
 
     name = "Lagrange multipliers"
-    _engine: ClassVar[type[Tree]] = PinocchioTree
+    _tree_kind: ClassVar[type[Tree]] = PinocchioTree
 
     def __init__(self, chain: ClosedChain) -> None:
         self._mechanism = chain.mechanism
-        self._tree = self._engine(chain.mechanism)
+        self._tree = self._tree_kind(chain.mechanism)
 
     def generalized_forces(self, q: Array, va: Array, aa: Array) -> Array:
         """The forces along the coordinates that a motion needs, shape (n,)."""
-        robot = self._moving(q, va)
+        robot = MovingRobot(self._mechanism, self._tree, q, va)
+        # F(dv) - applied = Phi^T lambda + S^T f, where S selects the coordinates: va = S v.
         system = np.vstack([robot.Phi, self._mechanism.selection])
-        return solution_of(system.T, self._needed(robot, aa))[len(robot.Phi) :]
+        solution = solution_of(system.T, _needed_forces(robot, aa))
+        return solution[len(robot.Phi) :]
 
     def torques(self, q: Array, va: Array, aa: Array, loads: Array | None = None) -> Array:
         """The smallest motor torques of a motion, shape (motors,).
@@ -35,38 +46,37 @@ class LagrangeMultipliers:
         `loads` are further forces on the rates of the tree, shape (nv,). Where the motors cannot
         produce the motion, the torques are the nearest ones.
         """
-        robot = self._moving(q, va)
-        needed = self._needed(robot, aa) - (0 if loads is None else loads)
-        # needed = B tau + Phi^T multipliers. Motions N that keep the loops closed have N Phi^T = 0.
-        N = free_motions(robot.Phi)
+        robot = MovingRobot(self._mechanism, self._tree, q, va)
+        needed = _needed_forces(robot, aa)
+        if loads is not None:
+            needed = needed - loads
+        # needed = B tau + Phi^T lambda. Motions N that keep the loops closed have N Phi^T = 0.
+        N = closed_motions(robot.Phi)
         return solution_of(N @ robot.B, N @ needed)
 
     def accelerations(self, q: Array, va: Array, tau: Array) -> Array:
         """Direct dynamics: accelerations of the coordinates, shape (n,)."""
-        robot = self._moving(q, va)
-        tree = self._tree
+        robot = MovingRobot(self._mechanism, self._tree, q, va)
         nv = self._mechanism.model.nv
-        # M dv = force + Phi^T multipliers and Phi dv = -drift. The tree's forces without
-        # accelerations are Coriolis forces and weights; with unit accelerations at rest, columns of
-        # M and weights.
+        # F(dv) = M dv + F(0), with F(0) from Coriolis forces and weights.
         zero = np.zeros(nv)
-        force = robot.B @ tau + robot.applied - tree.forces(zero)
-        tree.move(q, zero)
-        weight = tree.forces(zero)
-        # Column by column: `pin.crba` is wrong for trees whose joints are not added depth-first.
-        M = np.stack([tree.forces(e) - weight for e in np.eye(nv)], axis=1) + robot.line_inertia
-        # A unit for the multipliers, so that M is not lost in rounding.
+        force = robot.B @ tau + robot.applied - robot.motion.forces(zero)
+        # A column of M is the force for an acceleration of 1, at rest and without the weight.
+        # `pin.crba` is wrong for trees whose joints are not added depth-first.
+        at_rest = self._tree.move(q, zero)
+        weight = at_rest.forces(zero)
+        columns = [at_rest.forces(e) - weight for e in np.eye(nv)]
+        M = np.stack(columns, axis=1) + robot.line_inertia
+        # M dv - Phi^T lambda = force, and Phi dv = -drift. M is divided by a unit, so that it is
+        # not lost in rounding beside Phi; the sign and the unit of lambda do not matter.
         rows = len(robot.Phi)
         unit = np.abs(M).max()
         system = np.block([[M / unit, robot.Phi.T], [robot.Phi, np.zeros((rows, rows))]])
         dv = solution_of(system, np.concatenate([force / unit, -robot.drift]))[:nv]
         return self._mechanism.selection @ dv
 
-    def _moving(self, q: Array, va: Array) -> MovingRobot:
-        """The robot in a state; the tree is put there too."""
-        return MovingRobot(self._mechanism, self._tree, q, va)
 
-    def _needed(self, robot: MovingRobot, aa: Array) -> Array:
-        """The forces of motors and closures on the joints, shape (nv,)."""
-        dv = robot.joint_rates(aa, -robot.drift)
-        return self._tree.forces(dv) + robot.line_inertia @ dv - robot.applied
+def _needed_forces(robot: MovingRobot, aa: Array) -> Array:
+    """The forces of motors and closures on the joints for a motion, F(dv) - applied, (nv,)."""
+    dv = robot.joint_rates(aa, -robot.drift)
+    return robot.motion.forces(dv) + robot.line_inertia @ dv - robot.applied

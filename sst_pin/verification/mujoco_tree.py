@@ -18,9 +18,6 @@ from .lagrange import LagrangeMultipliers
 class MujocoTree:
     """The tree of a mechanism in MuJoCo.
 
-    With `closed` it also has the closures, friction, springs and motors. `closed` is the stiffness
-    of the equality constraints, [1/s^2]; they are critically damped.
-
     Attributes:
         mj: The `mujoco.MjModel`.
         data: Its `mujoco.MjData`; `move` sets it.
@@ -31,7 +28,15 @@ class MujocoTree:
     """
 
     def __init__(self, mechanism: Mechanism, closed: float | None = None) -> None:
-        self._model = model = mechanism.model
+        """Put the tree into MuJoCo.
+
+        Args:
+            mechanism: The robot.
+            closed: Stiffness of the closures, [1/s^2]. Then MuJoCo's model has the closures as
+                equality constraints, critically damped, and friction, springs and motors; by
+                default it has the tree only.
+        """
+        self._model = mechanism.model
         try:
             import mujoco
         except ImportError:
@@ -42,77 +47,106 @@ class MujocoTree:
         else:
             document = closed_mjcf(mechanism)
         try:
-            self.mj = mj = mujoco.MjModel.from_xml_string(document.text())
+            self.mj = mujoco.MjModel.from_xml_string(document.text())
         except ValueError as error:
-            raise DescriptionError(f"model {model.name}", [f"not for MuJoCo: {error}"]) from None
+            source = f"model {self._model.name}"
+            raise DescriptionError(source, [f"not for MuJoCo: {error}"]) from None
         if closed is not None:
-            mj.eq_solref[:] = -closed, -2 * np.sqrt(closed)  # negative: stiffness and damping
-        self.data = mujoco.MjData(mj)
+            stiffness = closed
+            damping = 2 * np.sqrt(closed)
+            self.mj.eq_solref[:] = -stiffness, -damping  # negative numbers are these two
+        self.data = mujoco.MjData(self.mj)
         self._joints = document.joints
-        names = (body.get("name") for body in document.bodies)
-        self._bodies = [0 if name is None else mj.body(name).id for name in names]
-        for body, inertia in zip(self._bodies[1:], list(model.inertias)[1:], strict=True):
-            mj.body_mass[body] = inertia.mass  # also less than MuJoCo compiles
-            mj.body_inertia[body] = principal_axes(inertia.inertia)[0]
+        #: Index in MuJoCo of the body of each joint of the robot; 0 is the world.
+        self._bodies = list[int]()
+        for element in document.bodies:
+            name = element.get("name")
+            self._bodies.append(0 if name is None else self.mj.body(name).id)
+        for body, inertia in zip(self._bodies[1:], list(self._model.inertias)[1:], strict=True):
+            self.mj.body_mass[body] = inertia.mass  # also less than MuJoCo compiles
+            self.mj.body_inertia[body] = principal_axes(inertia.inertia)[0]
 
-    def move(self, q: Array, v: Array) -> None:
+    def move(self, q: Array, v: Array) -> "_MujocoMotion":
         """See `Tree.move`."""
-        mj = self.mj
-        data = self.data
-        self._v = v
-        # qvel = S v and qacc = S dv + S_dot v; of a free joint MuJoCo takes the velocity of its
-        # origin in base axes.
-        self._S = np.zeros((mj.nv, self._model.nv))
-        self._S_dot_v = np.zeros(mj.nv)
+        # MuJoCo's rates are qvel = S v, its accelerations qacc = S dv + S_dot v.
+        S = np.zeros((self.mj.nv, self._model.nv))
+        S_dot_v = np.zeros(self.mj.nv)
         for joint in self._joints:
-            there = mj.joint(joint.name)
-            numbers = joint.qpos(q)
+            qpos = joint.qpos(q)
             rates = v[joint.rates]
-            first = there.dofadr[0]
-            position = there.qposadr[0]
-            data.qpos[position : position + len(numbers)] = numbers
-            rows = self._S[first : first + len(rates)]
+            mujoco_joint = self.mj.joint(joint.name)
+            position = mujoco_joint.qposadr[0]
+            self.data.qpos[position : position + len(qpos)] = qpos
+            dof = mujoco_joint.dofadr[0]
+            rows = S[dof : dof + len(rates)]
             rows[:, joint.rates] = joint.factor * np.eye(len(rates))
             if joint.kind == "free":
-                R = pin.Quaternion(*numbers[3:]).matrix()
+                # MuJoCo takes the velocity of the origin in base axes, Pinocchio in body axes:
+                # R v_linear, with the derivative R (omega x v_linear) for constant rates.
+                R = pin.Quaternion(*qpos[3:]).matrix()
                 rows[:3, joint.rates[:3]] = R
-                self._S_dot_v[first : first + 3] = R @ np.cross(rates[3:], rates[:3])
-        data.qvel[:] = self._S @ v
-        self._mujoco.mj_fwdPosition(mj, data)
-        self._mujoco.mj_fwdVelocity(mj, data)
+                S_dot_v[dof : dof + 3] = R @ np.cross(rates[3:], rates[:3])
+        self.data.qvel[:] = S @ v
+        self._mujoco.mj_fwdPosition(self.mj, self.data)
+        self._mujoco.mj_fwdVelocity(self.mj, self.data)
+        return _MujocoMotion(self, v, S, S_dot_v, self._model.armature)
 
     def placement(self, name: str) -> pin.SE3:
-        """A frame of the model in the base."""
+        """A frame of the model in the base, for the last `move`."""
         frame = self._model.frames[frame_id(self._model, name)]
-        body = self._bodies[frame.parentJoint]
+        body = self.body(name)
         at = pin.SE3(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
         return at * frame.placement
 
+    def body(self, frame: str) -> int:
+        """Index in MuJoCo of the body that has a frame."""
+        return self._bodies[self._model.frames[frame_id(self._model, frame)].parentJoint]
+
+    def jacobian(self, frame: str) -> tuple[Array, Array]:
+        """J of a frame and J_dot for MuJoCo's rates, each (6, mj.nv), for the last `move`."""
+        point = self.placement(frame).translation
+        body = self.body(frame)
+        J = np.zeros((6, self.mj.nv))
+        J_dot = np.zeros((6, self.mj.nv))
+        self._mujoco.mj_jac(self.mj, self.data, J[:3], J[3:], point, body)
+        self._mujoco.mj_jacDot(self.mj, self.data, J_dot[:3], J_dot[3:], point, body)
+        return J, J_dot
+
+    def inverse(self, qacc: Array) -> Array:
+        """MuJoCo's joint forces for its accelerations, shape (mj.nv,), for the last `move`."""
+        self.data.qacc[:] = qacc
+        self._mujoco.mj_inverse(self.mj, self.data)
+        return np.array(self.data.qfrc_inverse)
+
+
+class _MujocoMotion:
+    """See `TreeMotion`. MuJoCo's rates are qvel = S v; `armature` is along the rates v."""
+
+    def __init__(
+        self, tree: MujocoTree, v: Array, S: Array, S_dot_v: Array, armature: Array
+    ) -> None:
+        self._tree = tree
+        self._v = v
+        self._S = S
+        self._S_dot_v = S_dot_v
+        self._armature = armature
+
     def frame(self, name: str) -> FrameMotion:
-        """See `Tree.frame`."""
-        mujoco = self._mujoco
-        mj = self.mj
-        data = self.data
-        at = self.placement(name)
-        body = self._bodies[self._model.frames[frame_id(self._model, name)].parentJoint]
-        J = np.zeros((6, mj.nv))
-        J_dot = np.zeros((6, mj.nv))
-        mujoco.mj_jac(mj, data, J[:3], J[3:], at.translation, body)
-        mujoco.mj_jacDot(mj, data, J_dot[:3], J_dot[3:], at.translation, body)
-        drift = J_dot @ data.qvel + J @ self._S_dot_v
-        J = J @ self._S
-        return FrameMotion(at, J, J @ self._v, drift)
+        """See `TreeMotion.frame`."""
+        J_mujoco, J_dot_mujoco = self._tree.jacobian(name)
+        J = J_mujoco @ self._S
+        drift = J_dot_mujoco @ self._tree.data.qvel + J_mujoco @ self._S_dot_v
+        return FrameMotion(self._tree.placement(name), J, J @ self._v, drift)
 
     def forces(self, dv: Array) -> Array:
-        """See `Tree.forces`."""
-        self.data.qacc[:] = self._S @ dv + self._S_dot_v
-        self._mujoco.mj_inverse(self.mj, self.data)
-        force: Array = self._S.T @ self.data.qfrc_inverse
-        return force + self._model.armature * dv  # along our axes, which may not be MuJoCo's
+        """See `TreeMotion.forces`."""
+        force: Array = self._S.T @ self._tree.inverse(self._S @ dv + self._S_dot_v)
+        # The document has no armature, because MuJoCo's axes may be others.
+        return force + self._armature * dv
 
 
 class MujocoInverse(LagrangeMultipliers):
     """MuJoCo's kinematics and `mj_inverse` of the tree, and multipliers for the closures."""
 
     name = "MuJoCo mj_inverse"
-    _engine = MujocoTree
+    _tree_kind = MujocoTree

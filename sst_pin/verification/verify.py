@@ -58,7 +58,7 @@ class Comparison(NamedTuple):
     cases: int  #: Cases in which the referee has an answer.
     unclear: int  #: Cases in which it has none, or rounding is too large for a comparison.
     absolute: float  #: Worst difference, [N m], [N], [rad/s^2] or [m/s^2].
-    relative: float  #: Worst difference relative to the terms of its case.
+    relative: float  #: Difference relative to the terms, in the case nearest to its limit.
     limit: float  #: Of `relative` in this case.
     seconds: float  #: Time of the referee.
     passed: bool  #: Whether no case disagrees.
@@ -71,12 +71,24 @@ class Comparison(NamedTuple):
         return "ok" if self.cases else "cannot say"
 
 
+class Expected(NamedTuple):
+    """Our result for one quantity in one state.
+
+    A result is a sum of forces of all joints. These may cancel, so an error is relative to the sum
+    of their sizes.
+    """
+
+    value: Array
+    size: float  #: Size of the terms whose sum is the result.
+    limit: float  #: Largest error, relative to the size.
+
+
 class _Difference(NamedTuple):
-    """The difference in one case: itself, relative to the terms of the case, and its limit."""
+    """The difference between a referee's result and ours in one case."""
 
     absolute: float
-    relative: float
-    limit: float
+    relative: float  #: Relative to the size of the terms.
+    limit: float  #: Of `relative`.
 
 
 class Differences:
@@ -89,21 +101,17 @@ class Differences:
         self._unclear = 0
         self._differences: list[_Difference] = []
 
-    def add(self, answer: Callable[[], Array], expected: Array, size: float, limit: float) -> None:
-        """Compute an answer and compare it with ours.
-
-        `size` is the size of the terms whose sum is the result, `limit` the largest difference
-        relative to it.
-        """
+    def add(self, answer: Callable[[], Array], expected: Expected) -> None:
+        """Compute an answer of the referee and compare it with ours."""
         began = time.perf_counter()
         try:
-            difference = float(np.abs(answer() - expected).max(initial=0.0))
+            absolute = float(np.abs(answer() - expected.value).max(initial=0.0))
         except (SSTError, np.linalg.LinAlgError):
-            difference = np.nan
+            absolute = np.nan  # no answer
         self._seconds += time.perf_counter() - began
-        if np.isfinite(difference) and limit <= _UNCLEAR:
-            relative = difference / max(size, 1e-300)
-            self._differences.append(_Difference(difference, relative, limit))
+        if np.isfinite(absolute) and expected.limit <= _UNCLEAR:
+            relative = absolute / max(expected.size, 1e-300)
+            self._differences.append(_Difference(absolute, relative, expected.limit))
         else:
             self._unclear += 1
 
@@ -139,55 +147,48 @@ def referees_of(chain: ClosedChain) -> tuple[list[Referee], list[SSTError]]:
     return available, problems
 
 
-class _Case:
-    """The dynamics of a chain in one state, with the sizes of its terms and the limits of errors.
+def _expected(
+    chain: ClosedChain, q: Array, va: Array, aa: Array, tau: Array
+) -> dict[str, Expected]:
+    """Our results in a state, by their names; `tau` are the motor torques of accelerations."""
+    f = chain.generalized_forces(q, va, aa)
+    sizes = np.maximum(_sizes_of_forces(chain, q, va, aa), np.abs(f))
+    # Two systems of equations are solved one after the other: for the rates that close the loops,
+    # and for their derivatives. Each loses the digits of the condition number.
+    limit = max(SAME_EQUATIONS, _ROUNDING * float(chain.condition_number(q)) ** 2)
 
-    A result is a sum of forces of all joints. These may cancel, so the errors are relative to the
-    sum of their sizes.
+    # f = J^T tau, M aa = f - (terms without accelerations).
+    J = chain.actuator_jacobian(q)
+    M = chain.reduced_terms(q, va).inertia
+    sizes_with_motors = sizes + np.abs(M) @ np.abs(aa) + np.abs(J.T) @ np.abs(tau)
+    units = np.sqrt(np.diag(M))  # so that the condition number does not depend on units
+    condition = float(np.linalg.cond(M / np.outer(units, units)))
+    return {
+        _TORQUES: Expected(
+            value=tau,
+            size=float((np.abs(np.linalg.pinv(J.T)) @ sizes).max(initial=0.0)),
+            limit=limit,
+        ),
+        _FORCES: Expected(value=f, size=float(sizes.max()), limit=limit),
+        _ACCELERATIONS: Expected(
+            value=chain.compute_accelerations(q, va, tau),
+            size=float((np.abs(np.linalg.inv(M)) @ sizes_with_motors).max()),
+            limit=limit * condition,
+        ),
+    }
 
-    Attributes:
-        expected: Our results, by their names.
-        sizes: The sizes of their terms.
-        limits: The largest errors, relative to the sizes.
-    """
 
-    def __init__(
-        self, chain: ClosedChain, q: Array, va: Array, aa: Array, tau: Array, *, sufficient: bool
-    ) -> None:
-        self.q = q
-        self.va = va
-        self.aa = aa
-        self.tau = tau
-        J = chain.actuator_jacobian(q)
-        self.expected = {_FORCES: chain.generalized_forces(q, va, aa)}
-        forces = self._forces(chain)
-        self.sizes = {_FORCES: float(forces.max())}
-        if sufficient:
-            self.tau = chain.compute_torques(q, va, aa)
-            self.expected[_TORQUES] = self.tau
-            self.sizes[_TORQUES] = float((np.abs(np.linalg.pinv(J.T)) @ forces).max(initial=0.0))
-        M = chain.reduced_terms(q, va).inertia
-        self.expected[_ACCELERATIONS] = chain.compute_accelerations(q, va, self.tau)
-        forces = forces + np.abs(M) @ np.abs(aa) + np.abs(J.T) @ np.abs(self.tau)
-        self.sizes[_ACCELERATIONS] = float((np.abs(np.linalg.inv(M)) @ forces).max())
-        # Two systems of equations are solved one after the other: for the rates that close the
-        # loops, and for their derivatives.
-        limit = max(SAME_EQUATIONS, _ROUNDING * float(chain.condition_number(q)) ** 2)
-        units = np.sqrt(np.diag(M))
-        limits = {_ACCELERATIONS: limit * float(np.linalg.cond(M / np.outer(units, units)))}
-        self.limits = dict.fromkeys(self.expected, limit) | limits
-
-    def _forces(self, chain: ClosedChain) -> Array:
-        """Sizes of the joint forces along each coordinate, shape (n,)."""
-        mechanism = chain.mechanism
-        v = chain.joint_rates(self.q, self.va)
-        dv = chain.joint_accelerations(self.q, self.va, self.aa)
-        model = mechanism.model
-        joints = np.abs(pin.rnea(model, model.createData(), self.q, v, dv))
-        joints += np.abs(mechanism.friction.forces(v))
-        joints += np.abs(mechanism.springs.forces(model, self.q))
-        sizes: Array = np.abs(chain.noc(self.q, self.va).L).T @ joints
-        return np.maximum(sizes, np.abs(self.expected[_FORCES]))
+def _sizes_of_forces(chain: ClosedChain, q: Array, va: Array, aa: Array) -> Array:
+    """Sizes of the joint forces along each coordinate, |L|^T |forces|, shape (n,)."""
+    mechanism = chain.mechanism
+    model = mechanism.model
+    v = chain.joint_rates(q, va)
+    dv = chain.joint_accelerations(q, va, aa)
+    joints = np.abs(pin.rnea(model, model.createData(), q, v, dv))
+    joints += np.abs(mechanism.friction.forces(v))
+    joints += np.abs(mechanism.springs.forces(model, q))
+    sizes: Array = np.abs(chain.noc(q, va).L).T @ joints
+    return sizes
 
 
 def verify_chain(
@@ -195,7 +196,9 @@ def verify_chain(
 ) -> Iterator[Comparison]:
     """Compare the dynamics at random configurations in random motion with each referee.
 
-    The states come from `random_states`: within limits, away from singular configurations.
+    The states come from `random_states`: within limits, away from singular configurations. Torques
+    are compared if the motors suffice for any motion; else accelerations are those under random
+    torques.
     """
     if referees is None:
         referees, _ = referees_of(chain)
@@ -211,24 +214,22 @@ def verify_chain(
     all_q, all_va, all_aa = random_states(chain, count)
     states = zip(all_q, all_va, all_aa, strict=True)
     for q, va, aa in counted(states, "verifying", count):
-        tau = rng.normal(size=len(chain.motor_names))
-        case = _Case(chain, q, va, aa, tau, sufficient=sufficient)
-        for referee, rows in zip(referees, tables, strict=True):
+        if sufficient:
+            tau = chain.compute_torques(q, va, aa)
+        else:
+            tau = rng.normal(size=len(chain.motor_names))
+        expected = _expected(chain, q, va, aa, tau)
+        for referee, differences in zip(referees, tables, strict=True):
             answers = {
                 _TORQUES: partial(referee.torques, q, va, aa),
                 _FORCES: partial(referee.generalized_forces, q, va, aa),
-                _ACCELERATIONS: partial(referee.accelerations, q, va, case.tau),
+                _ACCELERATIONS: partial(referee.accelerations, q, va, tau),
             }
-            for quantity, differences in rows.items():
-                differences.add(
-                    answers[quantity],
-                    case.expected[quantity],
-                    case.sizes[quantity],
-                    case.limits[quantity],
-                )
-    for rows in tables:
-        for differences in rows.values():
-            yield differences.comparison()
+            for quantity in compared:
+                differences[quantity].add(answers[quantity], expected[quantity])
+    for differences in tables:
+        for quantity in compared:
+            yield differences[quantity].comparison()
 
 
 def table(rows: Sequence[Comparison]) -> str:

@@ -90,15 +90,16 @@ def _fails():
 @pytest.mark.parametrize("answer", [lambda: np.array((1.0, np.nan)), _fails])
 def test_a_referee_without_an_answer_cannot_say(answer):
     differences = verify.Differences("nobody", "nothing")
-    differences.add(answer, np.ones(2), 1.0, 1e-9)
+    differences.add(answer, verify.Expected(np.ones(2), size=1.0, limit=1e-9))
     row = differences.comparison()
     assert (row.verdict, row.cases, row.unclear) == ("cannot say", 0, 1)
 
 
 def test_a_wrong_answer_beside_one_that_is_missing_disagrees():
     differences = verify.Differences("nobody", "nothing")
-    differences.add(lambda: np.full(2, np.nan), np.ones(2), 1.0, 1e-9)
-    differences.add(lambda: np.full(2, 1.001), np.ones(2), 1.0, 1e-9)
+    expected = verify.Expected(np.ones(2), size=1.0, limit=1e-9)
+    differences.add(lambda: np.full(2, np.nan), expected)
+    differences.add(lambda: np.full(2, 1.001), expected)
     assert differences.comparison().verdict == "DISAGREES"
 
 
