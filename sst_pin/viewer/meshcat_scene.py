@@ -63,7 +63,7 @@ class MeshcatScene:
         self._animated = False
 
     def place(self, q: Array, effort: Array) -> None:
-        """Show a configuration; `effort` are torques, then forces, as shares of the largest."""
+        """Show a configuration with an effort (see `scene_parts`)."""
         if self._animated:
             self._root.set_animation(Animation())
             self._root[f"{_ROOT}/0/trail"].delete()
@@ -75,10 +75,13 @@ class MeshcatScene:
     def animate(
         self, motion: Trajectory, effort: Array, wanted: Array, ghost: Trajectory | None
     ) -> None:
-        """Animate a motion of at least two samples in the page.
+        """Animate a motion of n samples, at least two, in the page.
 
-        `effort` are torques, then forces of reactions, as shares of the largest, shape (n, ...);
-        `wanted` are configurations of the reference path, (m, nq); `ghost` is a second motion.
+        Args:
+            motion: The motion.
+            effort: Efforts at its samples, shape (n, size).
+            wanted: Configurations of the reference path, shape (m, nq).
+            ghost: A second motion, of a translucent robot.
         """
         self.place(motion.q[0], effort[0])
         self._animated = True
@@ -88,22 +91,30 @@ class MeshcatScene:
             matrices_of_samples.append(self._placements(q, shares))
         self._add_keys(animation, motion.t - motion.t[0], matrices_of_samples)
         if ghost is not None:
-            for shape in self._scene.moving:
-                mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
-                self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
-            movers = list(dict.fromkeys(shape.mover for shape in self._scene.moving))
-            matrices_of_samples = []
-            for q in ghost.q:
-                poses = self._scene.poses(q)
-                matrices = {f"{_ROOT}/{_GHOST}/{_GHOST}/{m}": poses[m] for m in movers}
-                matrices_of_samples.append(matrices)
-            for node, matrix in matrices_of_samples[0].items():
-                self._root[node].set_transform(matrix)
-            self._add_keys(animation, ghost.t - motion.t[0], matrices_of_samples)
+            self._add_ghost(animation, ghost.q, ghost.t - motion.t[0])
         if self._scene.point:
             self._add(self._scene.reference(wanted))
             self._add(self._scene.trail(motion.q))
         self._root.set_animation(animation)
+
+    def _add_ghost(self, animation: Animation, configurations: Array, times: Array) -> None:
+        """Add a translucent robot, and keys for its configurations at some times."""
+        movers = list[str]()
+        for shape in self._scene.moving:
+            mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
+            self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
+            if shape.mover not in movers:
+                movers.append(shape.mover)
+        matrices_of_samples = []
+        for q in configurations:
+            poses = self._scene.poses(q)
+            matrices = {}
+            for mover in movers:
+                matrices[f"{_ROOT}/{_GHOST}/{_GHOST}/{mover}"] = poses[mover]
+            matrices_of_samples.append(matrices)
+        for node, matrix in matrices_of_samples[0].items():
+            self._root[node].set_transform(matrix)
+        self._add_keys(animation, times, matrices_of_samples)
 
     def _add_keys(
         self, animation: Animation, times: Array, matrices_of_samples: list[dict[str, Array]]

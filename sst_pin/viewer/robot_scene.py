@@ -10,9 +10,20 @@ from ..description.colours import HUES
 from ..errors import InputError
 from ..loops.start import start_of
 from ..model.appearance import drawn_frame
-from . import sketch
-from .scene_parts import Arrow, Dot, Pull, Shape, moved
-from .triangles import body_shapes, tube
+from .arrows import (
+    contact_arrows,
+    contact_places,
+    contact_spheres,
+    reaction_arrows,
+    torque_arrows,
+)
+from .axis_labels import labelled
+from .body_meshes import body_shapes
+from .rate_axes import RateAxis, axes_of
+from .scene_parts import EffortLayout, ForceArrow, ForceMark, Shape, TorqueArrow, moved
+from .skeleton import joined_points, masses, skeleton
+from .struts import struts
+from .triangles import tube
 
 #: Layers that can be shown and hidden, in the order of their checkboxes.
 LAYERS = (
@@ -31,7 +42,7 @@ _PATH = "#A9B0B6"
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _ARROW = 0.45
-#: Directions in which the robot's reach is computed, and samples of a motion for it.
+#: Directions in which the outermost points are found, and samples of a motion for them.
 _DIRECTIONS = 150
 _SAMPLES = 60
 #: Unit vectors are parallel if their cross product is smaller.
@@ -42,17 +53,17 @@ class Scene:
     """Shapes of a robot, in the order in which they are drawn; the arguments are as in `Viewer`.
 
     At first skeleton and masses are visible only if the bodies have no shapes. `scene_parts`
-    explains shapes, arrows and movers.
+    explains shapes, arrows, movers and efforts.
 
     Attributes:
         start: The first configuration, shape (nq,).
         size: A length of the robot, [m].
         point: The frame whose path is drawn, or None.
-        shapes: All shapes that do not change with the torques; those of the bodies come first.
+        shapes: All shapes that do not change with the effort; those of the bodies come first.
         struts: Shapes that run from one body to another.
-        touches: Places of the contacts, which move as no body does.
+        contacts: Places of the contacts, which move as no body does.
+        layout: The order of an effort.
         arrows: Torques of the motors, then forces of reactions, then forces of contacts.
-        reactions: Number of the forces of reactions: one for each joint and closure, or none.
         labels: Words in the scene.
         layers: The layers of this scene, and whether each is shown at first.
         face: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
@@ -73,61 +84,62 @@ class Scene:
             raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
         model = robot.mechanism.model
         self._model = model
-        self._data = model.createData()
-
-        # Shapes of the bodies.
-        bodies = robot.visual_model if visual_model is None else visual_model
-        self.shapes = list[Shape]()
-        for body in bodies.geometryObjects:
-            self.shapes += body_shapes(body)
-        has_no_shapes = not self.shapes
-
-        # The pose in which the robot is measured, and its size.
+        self._data = model.createData()  # for `_joints` only
         self.start = start_of(robot.engine, chosen=True)
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
-        rate_axes = sketch.axes_of(model, self._data, self.start)
-        self.size = self._size(robot)
-        size = self.size
-        B = robot.actuation
 
-        # Shapes beside those of the bodies. A joint has the colour of its first motor.
+        # Shapes of the bodies, and the size of the robot, which is that of these shapes.
+        bodies = robot.visual_model if visual_model is None else visual_model
+        shapes_of_bodies = list[Shape]()
+        for body in bodies.geometryObjects:
+            shapes_of_bodies += body_shapes(body)
+        self.size = self._size(robot, shapes_of_bodies)
+        size = self.size
+
+        # Other shapes. A joint has the colour of its first motor.
+        rate_axes = axes_of(model, self.start)
         colours = dict[int, str]()
-        for rate, motor in np.argwhere(B):
+        for rate, motor in np.argwhere(robot.actuation):
             colours.setdefault(rate_axes[rate].joint, HUES[motor % len(HUES)])
-        self.struts = list(sketch.struts(robot, rate_axes, size))
-        self.touches = sketch.touches_of(robot)
-        axes_and_frames, self.labels = sketch.labelled(robot, rate_axes, self.point, size)
-        self.shapes += sketch.skeleton(robot, rate_axes, colours, size)
-        self.shapes += sketch.masses(model)
-        self.shapes += [strut.shape for strut in self.struts]
-        self.shapes += sketch.contact_shapes(self.touches)
-        self.shapes += axes_and_frames
+        self.struts = list(struts(robot, rate_axes, size))
+        self.contacts = contact_places(robot)
+        axes_and_frames, self.labels = labelled(robot, rate_axes, self.point, size)
+        self.shapes = [
+            *shapes_of_bodies,
+            *skeleton(robot, rate_axes, colours, size),
+            *masses(model),
+            *(strut.shape for strut in self.struts),
+            *contact_spheres(self.contacts),
+            *axes_and_frames,
+        ]
 
         # Arrows, in the order of the effort.
-        self.arrows: list[Arrow | Pull | Dot] = list(
-            sketch.arrows_of(model, self._data, rate_axes, B, _ARROW * size)
+        scale = _ARROW * size
+        self.layout = EffortLayout(
+            motors=len(robot.motor_names),
+            reactions=model.njoints - 1 + len(robot.closures) if reactions else 0,
+            contacts=len(self.contacts),
         )
-        self.reactions = model.njoints - 1 + len(robot.closures) if reactions else 0
+        self.arrows: list[TorqueArrow | ForceArrow | ForceMark] = list(
+            torque_arrows(model, self.start, rate_axes, robot.actuation, scale)
+        )
         if reactions:
-            self.arrows += sketch.pulls_of(robot, _ARROW * size)
-        first = len(robot.motor_names) + 3 * self.reactions
-        self.arrows += sketch.contact_forces_of(self.touches, first, _ARROW * size)
+            self.arrows += reaction_arrows(robot, self.layout, scale)
+        self.arrows += contact_arrows(self.contacts, self.layout, scale)
 
-        # Layers, view and floor.
+        # View, floor and layers.
+        self.face = self._face(rate_axes)
+        self.ground = self._ground()
+        is_shown = dict.fromkeys(LAYERS, True)
+        is_shown["skeleton"] = not shapes_of_bodies
+        is_shown["inertia"] = not shapes_of_bodies and self.face is None
+        is_shown["axes"] = axes
+        is_shown["frames"] = frames
         present = {shape.layer for shape in self.shapes}
         present.update(arrow.shape.layer for arrow in self.arrows)
         if self.point:
             present.add("trail")
-        self.face = self._face(rate_axes)
-        self.ground = self._ground()
-        # Others are shown at first.
-        shown = {
-            "skeleton": has_no_shapes,
-            "inertia": has_no_shapes and self.face is None,
-            "axes": axes,
-            "frames": frames,
-        }
-        self.layers = {name: shown.get(name, True) for name in LAYERS if name in present}
+        self.layers = {name: is_shown[name] for name in LAYERS if name in present}
 
     @property
     def moving(self) -> list[Shape]:
@@ -139,16 +151,17 @@ class Scene:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)
         poses = {str(i): matrix for i, matrix in enumerate(joints)}
-        poses |= {touch.node: touch.at(joints) for touch in self.touches}
+        poses |= {place.node: place.at(joints) for place in self.contacts}
         poses |= {strut.shape.mover: strut.at(joints) for strut in self.struts}
         return poses
 
     def outermost_points(self, q: Array, effort: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
-        `q` has shape (n, nq); `effort` are motor torques, then forces of reactions and of contacts,
-        as shares of the largest, shape (n, ...); `wanted` are configurations of the reference path,
-        q by default.
+        Args:
+            q: Configurations, shape (n, nq).
+            effort: Efforts, shape (n, size).
+            wanted: Configurations of the reference path; q by default.
         """
         # The outermost points of each mover's shapes; arrows are at their largest in both senses.
         points_of_movers: dict[str, list[Array]] = {}
@@ -185,7 +198,7 @@ class Scene:
         """The path of the point as a thin line."""
         return Shape("0", "trail", "path", tube(self._path(q), 0.004 * self.size), _PATH)
 
-    def _face(self, axes: list[sketch.Axis]) -> list[float] | None:
+    def _face(self, axes: list[RateAxis]) -> list[float] | None:
         """The normal of a robot whose joints all move it in parallel planes, else None."""
         joints = self._joints(self.start)
         rotation_axes = []
@@ -213,10 +226,10 @@ class Scene:
     def _ground(self) -> float | None:
         """The height of the one level plane that contacts touch in the world."""
         heights = set[float]()
-        for touch in self.touches:
-            plane = touch.ground.placement
+        for place in self.contacts:
+            plane = place.ground.placement
             is_level = plane.rotation[2, 2] > 1 - _PARALLEL**2
-            if touch.ground.parentJoint == 0 and is_level:
+            if place.ground.parentJoint == 0 and is_level:
                 heights.add(float(plane.translation[2]))
         return heights.pop() if len(heights) == 1 else None
 
@@ -231,19 +244,19 @@ class Scene:
         poses = np.array([self._joints(x)[self.point.joint] for x in q])
         return poses[:, :3, :3] @ self.point.placement.translation + poses[:, :3, 3]
 
-    def _size(self, robot: ClosedChain) -> float:
-        """A length of the robot, [m]: given, or a quarter of the diagonal of its bounding box."""
+    def _size(self, robot: ClosedChain, shapes_of_bodies: list[Shape]) -> float:
+        """A length of the robot, [m]: its own, or a quarter of the diagonal of its bounding box."""
         if robot.appearance.size is not None:
             return robot.appearance.size
         poses = self._joints(self.start)
         points = []
-        for shape in self.shapes:
+        for shape in shapes_of_bodies:
             on_body = moved(shape.mesh.vertices, shape.at)
             points.append(moved(on_body, poses[int(shape.mover)]))
         if not points:
-            for of_body, pose in zip(sketch.joined_points(robot), poses, strict=True):
-                if of_body:
-                    points.append(moved(np.array(of_body), pose))
+            for points_of_body, pose in zip(joined_points(robot), poses, strict=True):
+                if points_of_body:
+                    points.append(moved(np.array(points_of_body), pose))
         diagonal = np.linalg.norm(np.ptp(np.vstack(points), axis=0))
         return float(diagonal) / 4 or 1.0
 

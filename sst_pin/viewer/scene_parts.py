@@ -2,8 +2,9 @@
 """Parts of a scene: meshes, shapes, arrows, struts and labels.
 
 A scene is a tree of nodes. A shape is a mesh on a mover, which is a body, a strut or a contact; the
-mover's placement changes with the configuration. Arrows and marks also change with the effort: the
-vector of all torques of motors, then forces of reactions and contacts, as shares of the largest.
+mover's placement changes with the configuration. Arrows and marks also change with the *effort*,
+which is the vector of all torques of motors, then forces of reactions and contacts, each as a share
+of the largest of its kind; `EffortLayout` has its order.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..description.solids import axes_along
 
+#: Colour of lines, rods, wheels and other parts that are not coloured by what they do.
+GREY = "#8A9199"
 #: Smallest scale of an arrow; a scale of zero has no normals.
 _SMALLEST = 1e-3
 #: Smaller shares of the largest torque or force are rounding.
@@ -45,38 +48,35 @@ class Shape(NamedTuple):
         return f"{self.mover}/{self.layer}/{self.name.replace('/', '_')}"
 
 
-class Arrow(NamedTuple):
-    """Torque of a motor at a joint: a shape whose size shows it."""
+class EffortLayout(NamedTuple):
+    """The order of an effort: all torques, then three components of each force."""
 
-    shape: Shape  #: At the largest torque or force.
-    motor: int  #: Its index in tau.
-    share: float  #: Share of the motor's torque that acts here; the motor's largest share is 1.
-    mirror: tuple[float, float, float]  #: Diagonal of the matrix that reverses the arrow.
+    motors: int  #: Number of torques.
+    reactions: int  #: Number of forces in joints and then closures; 0 if they are not shown.
+    contacts: int  #: Number of forces of contacts.
 
-    def at(self, effort: Array) -> Array:
-        """Placement of the arrow, for motor torques as shares of the largest, shape (motors,)."""
-        size = self.share * effort[self.motor]
-        scale = np.full(3, _length(abs(size)))
-        if size < 0:
-            scale *= self.mirror
-        return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
+    def reaction(self, number: int) -> int:
+        """Index of the first component of a reaction."""
+        return self.motors + 3 * number
 
+    def contact(self, number: int) -> int:
+        """Index of the first component of the force of a contact."""
+        return self.motors + 3 * (self.reactions + number)
 
-class Pull(NamedTuple):
-    """Force in a joint or closure: an arrow along z whose size and direction show it."""
+    def efforts(self, torques: Array, reactions: Array | None, contacts: Array | None) -> Array:
+        """Efforts of N samples, shape (N, size).
 
-    shape: Shape  #: At the largest force, in the axes of the force.
-    first: int  #: Index of the first of its three components in the effort.
-    #: Way from the start of the arrow to the point of the force, in lengths of the shape along z.
-    start: float = 0.0
-
-    def at(self, effort: Array) -> Array:
-        """Placement of the arrow, for motor torques and then forces as shares of the largest."""
-        force = effort[self.first : self.first + 3]
-        size = float(np.linalg.norm(force))
-        axes = _length(size) * along(force)
-        matrix = homogeneous(axes, -self.start * axes[:, 2])
-        return np.asarray(self.shape.at @ matrix)
+        Args:
+            torques: Shares of torques, shape (N, motors).
+            reactions: Shares of forces, shape (N, reactions, 3); zero by default.
+            contacts: Shares of forces, shape (N, contacts, 3); zero by default.
+        """
+        count = len(torques)
+        if reactions is None:
+            reactions = np.zeros((count, self.reactions, 3))
+        if contacts is None:
+            contacts = np.zeros((count, self.contacts, 3))
+        return np.hstack([torques, reactions.reshape(count, -1), contacts.reshape(count, -1)])
 
 
 def _length(share: float) -> float:
@@ -84,7 +84,54 @@ def _length(share: float) -> float:
     return max(float(np.sqrt(share)), _SMALLEST) if share > _NOISE else _SMALLEST
 
 
-class Touch(NamedTuple):
+class TorqueArrow(NamedTuple):
+    """Torque of a motor at a joint: a shape whose size shows it."""
+
+    shape: Shape  #: At the largest torque.
+    motor: int  #: Its index in tau.
+    share: float  #: Share of the motor's torque that acts here; the motor's largest share is 1.
+    mirror: tuple[float, float, float]  #: Diagonal of the matrix that reverses the arrow.
+
+    def at(self, effort: Array) -> Array:
+        """Placement of the arrow for an effort."""
+        size = self.share * effort[self.motor]
+        scale = np.full(3, _length(abs(size)))
+        if size < 0:
+            scale *= self.mirror
+        return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
+
+
+class ForceArrow(NamedTuple):
+    """A force: an arrow along z whose size and direction show it."""
+
+    shape: Shape  #: At the largest force, in the axes of the force.
+    first: int  #: Index of the first of its three components in the effort.
+    #: Way from the start of the arrow to the point of the force, in lengths of the shape along z.
+    start: float = 0.0
+
+    def at(self, effort: Array) -> Array:
+        """Placement of the arrow for an effort."""
+        force = effort[self.first : self.first + 3]
+        size = float(np.linalg.norm(force))
+        axes = _length(size) * along(force)
+        matrix = homogeneous(axes, -self.start * axes[:, 2])
+        return np.asarray(self.shape.at @ matrix)
+
+
+class ForceMark(NamedTuple):
+    """A mark that is shown while a force acts."""
+
+    shape: Shape
+    first: int  #: Index of the first component of the force in the effort.
+
+    def at(self, effort: Array) -> Array:
+        """Placement of the mark for an effort."""
+        acts = np.linalg.norm(effort[self.first : self.first + 3]) > _NOISE
+        scale = 1.0 if acts else _SMALLEST
+        return np.asarray(self.shape.at @ np.diag([scale, scale, scale, 1.0]))
+
+
+class ContactPlace(NamedTuple):
     """Where a contact touches its ground; its shapes move with the mover `node`."""
 
     node: str
@@ -99,20 +146,8 @@ class Touch(NamedTuple):
         """
         frame = poses[self.frame.parentJoint] @ self.frame.placement.homogeneous
         ground = poses[self.ground.parentJoint] @ self.ground.placement.homogeneous
-        return homogeneous(ground[:3, :3], frame[:3, 3] - self.radius * ground[:3, 2])
-
-
-class Dot(NamedTuple):
-    """A mark that is shown while a force acts."""
-
-    shape: Shape
-    first: int  #: Index of the first component of the force in the effort.
-
-    def at(self, effort: Array) -> Array:
-        """Placement of the mark, for motor torques and then forces as shares of the largest."""
-        acts = np.linalg.norm(effort[self.first : self.first + 3]) > _NOISE
-        scale = 1.0 if acts else _SMALLEST
-        return np.asarray(self.shape.at @ np.diag([scale, scale, scale, 1.0]))
+        normal = ground[:3, 2]
+        return homogeneous(ground[:3, :3], frame[:3, 3] - self.radius * normal)
 
 
 class Strut(NamedTuple):

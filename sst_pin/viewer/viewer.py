@@ -11,61 +11,35 @@ from functools import cached_property, partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, positive_number, single_array
+from ..arrays import Array, positive_number, single_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..engine import require_robot
 from ..errors import (
-    ActuationError,
-    ClosureError,
     DescriptionError,
     InputError,
     MissingExtraError,
-    SingularConfigurationError,
 )
 from ..files import Writer, as_path, require_ending, write_files
 from ..simulation.bearing_loads import require_no_other_loads
-from ..simulation.nonsmooth_rollout import NOT_REACHED, NonsmoothRollout
-from ..simulation.trajectories import Trajectory, require_motion, trajectory_of
-from ..summaries import listed
+from ..simulation.nonsmooth_rollout import NonsmoothRollout
+from ..simulation.trajectories import Trajectory, require_motion
 from ..version import __version__
+from .curve_sets import curves_of, joints_of, rates_of, torques_of
+from .force_shares import NO_FORCES, contact_forces, reaction_forces, torque_shares
+from .live_data import live_data
 from .meshcat_scene import MeshcatScene
-from .panel import (
-    contacts_of,
-    curves_of,
-    forces_of,
-    joints_of,
-    live_data,
-    page,
-    rates_of,
-    torques_of,
-    warnings_of,
-)
+from .page_samples import mean_forces, same_time, samples_of_page, states_of, thinned
+from .panel import page, warnings_of
 from .pictures import gif, png
 from .robot_scene import TRAIL_SIDES, Scene
 from .server import Message, Server
-
-#: The most samples of a motion in a page.
-_MOST_SAMPLES = 600
-#: The longest arrow of a contact, in weights of the robot, if a force is larger.
-_MOST_WEIGHTS = 2.0
-
-
-class _ReactionArrows(NamedTuple):
-    """Reactions of some samples, as the page shows them."""
-
-    shares: Array | None  #: As shares of the largest, shape (n, reactions, 3); None without arrows.
-    curves: list[dict[str, Any]]
-    note: str
-
-
-_NO_REACTIONS = _ReactionArrows(None, [], "")
 
 
 class Viewer:
@@ -143,33 +117,33 @@ class Viewer:
         Example:
             >>> viewer.show(chain.home, tau=[0.2])
         """
-        motors = len(self._robot.motor_names)
-        q = single_array("q", q, (len(self._robot.position_names),))[None]
-        curves = [joints_of(self._robot, q)]
-        torque_shares = np.zeros((1, motors))
-        if tau is not None:
+        robot = self._robot
+        q = single_array("q", q, (len(robot.position_names),))[None]
+        zero_rates = np.zeros((1, robot.degrees_of_freedom))
+        motors = len(robot.motor_names)
+        if tau is None:
+            shares = np.zeros((1, motors))
+            accelerations = zero_rates
+            curves = [joints_of(robot, q)]
+        else:
             tau = single_array("tau", tau, (motors,))[None]
-            curves = [torques_of(self._robot, tau), *curves]
-            torque_shares = self._torque_shares(tau)
-        zero_rates = np.zeros((1, self._robot.degrees_of_freedom))
-        reactions = _NO_REACTIONS
+            shares = torque_shares(robot, tau)
+            accelerations = None  # those that the torques give
+            curves = [torques_of(robot, tau), joints_of(robot, q)]
+        reactions = NO_FORCES
         if self._with_reactions:
-            accelerations = zero_rates if tau is None else None
-            reactions = self._reactions(q, zero_rates, accelerations, tau)
-            curves = reactions.curves + curves
-        no_contacts = np.zeros((1, 3 * len(self._scene.touches)))
-        effort = self._effort(torque_shares, reactions, no_contacts)
+            reactions = reaction_forces(robot, q, zero_rates, accelerations, tau, self._stiffness)
+        effort = self._scene.layout.efforts(shares, reactions.shares, None)
         self._drawing.place(q[0], effort[0])
         if self._live:  # its arrows of torques may become as long as they can
             effort[:, :motors] = 1.0
-        reach = self._scene.outermost_points(q, effort)
-        self._describe(
-            "configuration",
-            q[0],
-            q[0],
-            zero_rates[0],
-            reach,
-            curves=curves,
+        self._set_panel(
+            title="configuration",
+            checked=q[0],
+            q=q[0],
+            va=zero_rates[0],
+            outermost_points=self._scene.outermost_points(q, effort),
+            curves=[*reactions.curves, *curves],
             note=reactions.note,
         )
 
@@ -204,13 +178,16 @@ class Viewer:
         """
         rollout = None
         if isinstance(motion, NonsmoothRollout):
+            if self._with_reactions:
+                problem = "not of a nonsmooth motion; pass a Trajectory, or reactions=False"
+                raise InputError("reactions", problem)
             rollout = motion
-            motion = self._states_of(motion)
+            motion = states_of(self._robot.mechanism, rollout)
         for name, each in (("motion", motion), ("ghost", ghost), ("wanted", wanted)):
             if each is not None:
                 require_motion(each, self._robot.mechanism, name)
         if ghost is not None:
-            ghost = _during(motion, ghost)
+            ghost = same_time(motion, ghost)
         if wanted is None:
             wanted = ghost
         speed = positive_number("speed", speed)
@@ -220,46 +197,47 @@ class Viewer:
             self.show(motion.q[0], motion.tau[0])
             return
 
-        # Curves, and shares of torques, reactions and contacts for the arrows.
-        samples = _samples(len(motion))
+        # Forces and curves.
+        samples = samples_of_page(len(motion))
         shown = motion[samples]
-        reactions = _NO_REACTIONS
-        contact_shares = np.zeros((len(shown), 3 * len(self._scene.touches)))
-        note = ""
-        if rollout is not None:
-            curves = [joints_of(self._robot, shown.q), rates_of(shown)]
-            if self._scene.touches:
-                forces = _between(rollout.contact_forces, samples)
-                contact_shares, note = self._contact_shares(forces)
-                curves.insert(0, contacts_of(self._robot, forces))
-        else:
+        contacts = NO_FORCES
+        reactions = NO_FORCES
+        if rollout is None:
             curves = curves_of(self._robot, shown)
             if self._with_reactions:
                 require_no_other_loads(self._robot.engine, shown)
-                reactions = self._reactions(shown.q, shown.va, None, shown.tau)
-                curves += reactions.curves
-                note = reactions.note
-        effort = self._effort(self._torque_shares(shown.tau), reactions, contact_shares)
+                reactions = reaction_forces(
+                    self._robot, shown.q, shown.va, None, shown.tau, self._stiffness
+                )
+        else:
+            curves = [joints_of(self._robot, shown.q), rates_of(shown)]
+            if self._scene.contacts:
+                forces = mean_forces(rollout.contact_forces, samples)
+                contacts = contact_forces(self._robot, forces)
+        shares = torque_shares(self._robot, shown.tau)
+        effort = self._scene.layout.efforts(shares, reactions.shares, contacts.shares)
 
         # The scene, and the points that the camera must see.
-        reference = _thinned(wanted or motion).q
+        reference = thinned(wanted or motion).q
         self._drawing.animate(shown, effort, reference, ghost)
-        reach = self._scene.outermost_points(shown.q, effort, reference)
+        points = self._scene.outermost_points(shown.q, effort, reference)
         layers = self._scene.layers
         if ghost is not None:
-            reach = np.vstack([reach, self._scene.outermost_points(ghost.q, 0 * effort[:1])])
+            no_effort = 0 * effort[:1]
+            points_of_ghost = self._scene.outermost_points(ghost.q, no_effort)
+            points = np.vstack([points, points_of_ghost])
             layers = layers | {"ghost": True}
-        self._describe(
-            title,
-            motion,
-            motion.q[0],
-            motion.va[0],
-            reach,
-            t=shown.t.tolist(),
+        self._set_panel(
+            title=title,
+            checked=motion,
+            q=motion.q[0],
+            va=motion.va[0],
+            outermost_points=points,
+            curves=[*contacts.curves, *curves, *reactions.curves],
+            note=contacts.note or reactions.note,
+            t=shown.t,
             speed=speed,
             layers=layers,
-            curves=curves,
-            note=note,
         )
 
     @property
@@ -384,175 +362,61 @@ class Viewer:
         texts = [(folder / name).read_text(encoding="utf-8") for name in scripts]
         return f"{code}sst_functions.numbers = {numbers.tolist()};\n{''.join(texts)}"
 
-    def _torque_shares(self, tau: Array) -> Array:
-        """Torques as shares of the largest torque, forces as shares of the largest force."""
-        shares = np.zeros_like(tau)
-        units = np.array(self._robot.motor_units)
-        for unit in set(self._robot.motor_units):
-            of_unit = units == unit
-            largest = np.abs(tau[:, of_unit]).max(initial=0.0)
-            shares[:, of_unit] = tau[:, of_unit] / (largest or 1.0)
-        return shares
-
-    def _states_of(self, motion: NonsmoothRollout) -> Trajectory:
-        """The states of one nonsmooth motion up to its end, as a motion without torques."""
-        if self._with_reactions:
-            problem = "not of a nonsmooth motion; pass a Trajectory, or reactions=False"
-            raise InputError("reactions", problem)
-        if motion.q.ndim != 2:
-            shape = motion.q.shape
-            raise InputError("motion", f"{shape[:-2]} motions; give one, motion.single(0)")
-        mechanism = self._robot.mechanism
-        for name, shape, needed in (
-            ("positions", motion.q.shape, mechanism.model.nq),
-            ("rates", motion.va.shape, len(mechanism.coordinates)),
-            ("contacts", motion.contact_forces.shape[:-1], len(mechanism.contacts.points)),
-        ):
-            if shape[-1] != needed:
-                problem = f"belongs to another robot, with {shape[-1]} {name} instead of {needed}"
-                raise InputError("motion", problem)
-        count = 1 + int(np.count_nonzero(motion.status != NOT_REACHED))
-        q = motion.q[:count]
-        va = motion.va[:count]
-        torques = np.zeros((count, len(mechanism.motor_names)))
-        return trajectory_of(mechanism, motion.t[:count], q, va, np.zeros_like(va), torques)
-
-    def _effort(
-        self, torque_shares: Array, reactions: _ReactionArrows, contact_shares: Array
-    ) -> Array:
-        """What the arrows of the scene show, in their order: torques, reactions, contacts."""
-        samples = len(torque_shares)
-        # Without reactions, or where they are not defined, their arrows have no length.
-        reaction_shares = np.zeros((samples, self._scene.reactions, 3))
-        if reactions.shares is not None:
-            reaction_shares[:] = reactions.shares
-        return np.hstack([torque_shares, reaction_shares.reshape(samples, -1), contact_shares])
-
-    def _contact_shares(self, forces: Array) -> tuple[Array, str]:
-        """Forces of contacts, (n, c, 3), as shares of the longest arrow, (n, 3 c); a note."""
-        sizes = np.linalg.norm(forces, axis=2, keepdims=True)
-        # An impact is hundreds of times larger than the forces of standing: longer arrows are cut.
-        model = self._robot.mechanism.model
-        weight = np.linalg.norm(model.gravity.linear) * sum(x.mass for x in model.inertias)
-        longest = float(sizes.max())
-        if weight > 0:
-            longest = min(longest, float(_MOST_WEIGHTS * weight))
-        if longest == 0:
-            longest = 1.0
-        shares = forces / np.maximum(sizes, longest)
-        more = " or more" if sizes.max() > longest else ""
-        note = (
-            f"Green arrows: forces on what touches a ground; the longest is {longest:.3g}\xa0N"
-            f"{more}. Lengths grow with the square root."
-        )
-        return shares.reshape(len(forces), -1), note
-
-    def _reactions(
-        self, q: Array, va: Array, aa: Array | None, tau: Array | None
-    ) -> _ReactionArrows:
-        """Unique forces in joints and closures as shares of the largest, with curves and a note.
-
-        Where the reactions are not defined, there are no arrows, and the note says why.
-        """
-        engine = self._robot.engine
-        try:
-            w = engine.reactions(q, va, aa, tau, self._stiffness)
-            forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
-            is_unknown = np.isnan(forces).any(axis=0)  # components of each force
-            directions = np.zeros(len(w.names))
-            if is_unknown.any():
-                # In a planar robot these are the forces in its plane.
-                forces, counts = engine.unique_forces(q, va, aa, tau, self._stiffness)
-                directions = counts.max(axis=0)
-        except (ActuationError, ClosureError, SingularConfigurationError) as error:
-            return _ReactionArrows(None, [], f"No reactions: {error}")
-        # A force is drawn if a part of it is unique in all samples.
-        is_drawn = directions < 3
-        forces = np.where(is_drawn[:, None], forces, 0.0)
-        largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
-
-        curves = []
-        notes = []
-        if is_drawn.any():
-            curves.append(forces_of(w.names, forces, is_drawn))
-            notes.append(
-                f"Dark arrows: forces of joints on what they carry; the largest is "
-                f"{largest:.3g}\xa0N. Lengths grow with the square root."
-            )
-        not_unique = []
-        for k, name in enumerate(w.names):
-            letters = [letter for letter, x in zip("xyz", is_unknown[k], strict=True) if x]
-            if not is_drawn[k]:
-                not_unique.append(name)
-            elif directions[k] == len(letters) > 0:
-                not_unique.append(f"{name} ({', '.join(letters)})")
-            elif directions[k] == 1:
-                not_unique.append(f"{name} (along one direction)")
-            elif directions[k] == 2:
-                not_unique.append(f"{name} (along two directions)")
-        if not_unique:
-            notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
-        return _ReactionArrows(forces / largest, curves, " ".join(notes))
-
-    def _describe(
-        self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
+    def _set_panel(
+        self,
+        *,
+        title: str,
+        checked: Trajectory | Array,
+        q: Array,
+        va: Array,
+        outermost_points: Array,
+        curves: list[dict[str, Any]],
+        note: str,
+        t: ArrayLike = (0.0,),
+        speed: float = 1.0,
+        layers: Mapping[str, bool] | None = None,
     ) -> None:
-        """Set the data of the panel and send them; a live page starts at q and va."""
+        """Set the data of the panel, with the names of `panel.js`, and send them to the pages.
+
+        Args:
+            title: Title of the page.
+            checked: The motion or configuration that the warnings are about.
+            q: The configuration at which a live page starts, shape (nq,).
+            va: The rates at which it starts, shape (n,).
+            outermost_points: The points that the camera must see, shape (k, 3).
+            curves: Sets of curves.
+            note: A text below the curves.
+            t: Times of the curves, [s].
+            speed: Speed of the animation.
+            layers: Layers, and whether each is shown at first; by default those of the scene.
+        """
         robot = self._robot
         scene = self._scene
         self._panel = {
             "title": title,
             "robot": robot.mechanism.model.name,
-            "warnings": warnings_of(robot, shown),
-            "t": [0.0],
-            "speed": 1.0,
+            "warnings": warnings_of(robot, checked),
+            "t": np.asarray(t).tolist(),
+            "speed": speed,
             "colours": HUES,
-            "layers": scene.layers,
+            "layers": scene.layers if layers is None else layers,
             "labels": [x._asdict() | {"point": x.point.tolist()} for x in scene.labels],
-            "note": "",
+            "note": note,
             "live": live_data(robot, scene, q, va) if self._live else None,
-            "reach": reach.tolist(),
+            "reach": outermost_points.tolist(),
             "face": scene.face,
             "ground": scene.ground,
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
-        } | panel
+            "curves": curves,
+        }
         self._tell(json.dumps(self._panel))
 
     def _tell(self, message: Message) -> None:
+        """Send a message to the open pages."""
         if self._server is not None:
             self._server.send(message)
 
     def _state(self) -> list[Message]:
+        """All messages that a new page needs."""
         return [*self._drawing.buffer.commands.values(), json.dumps(self._panel)]
-
-
-def _samples(count: int) -> Indices:
-    """Indices of the samples of a motion that a page shows."""
-    return np.linspace(0, count - 1, min(count, _MOST_SAMPLES)).round().astype(np.intp)
-
-
-def _thinned(motion: Trajectory) -> Trajectory:
-    return motion[_samples(len(motion))]
-
-
-def _between(forces: Array, samples: Indices) -> Array:
-    """Mean forces of the steps that end at each sample, or after the sample before; (n, c, 3).
-
-    Step k ends at sample k + 1. The first sample has the forces of the first step.
-    """
-    sums = np.concatenate([np.zeros_like(forces[:1]), np.cumsum(forces, axis=0)])
-    means = np.diff(sums[samples], axis=0) / np.diff(samples)[:, None, None]
-    return np.concatenate([forces[:1], means])
-
-
-def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:
-    """The samples of a second motion between the ends of the first."""
-    low = max(motion.t[0], ghost.t[0])
-    high = min(motion.t[-1], ghost.t[-1])
-    if low >= high:
-        spans = [f"{m.t[0]:g} to {m.t[-1]:g} s" for m in (ghost, motion)]
-        raise InputError("ghost", f"from {spans[0]}, the motion from {spans[1]}: no time in common")
-    first = np.searchsorted(ghost.t, low, "right") - 1
-    last = np.searchsorted(ghost.t, high)
-    return _thinned(ghost[first : last + 1])

@@ -15,6 +15,7 @@ from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.description.colours import HUES
 from sst_pin.viewer import Viewer
+from sst_pin.viewer.force_shares import torque_shares
 from sst_pin.viewer.robot_scene import Scene
 from tests.support import any_chain
 from tests.support.files import ROOT, load
@@ -165,7 +166,7 @@ def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
     arrows = viewer._scene.arrows
     assert [arrow.motor for arrow in arrows] == list(range(len(tau)))
     units = np.array(robot.motor_units)
-    effort = viewer._torque_shares(tau[None])[0]
+    effort = torque_shares(robot, tau[None])[0]
     for unit in set(units):
         assert np.abs(effort[units == unit]).max() == pytest.approx(1)
     full = [np.linalg.norm(arrow.shape.at[:3, 0]) for arrow in arrows]

@@ -9,8 +9,8 @@ import sst_pin
 from sst_pin import Contact, robots
 from sst_pin.cli import main
 from sst_pin.viewer import Viewer
+from sst_pin.viewer.arrows import reaction_arrows
 from sst_pin.viewer.robot_scene import Scene
-from sst_pin.viewer.sketch import contact_forces_of, pulls_of
 from tests.gallery.touching import block_on_slope, frame, tree
 from tests.support.oblique import with_oblique_axes
 
@@ -34,7 +34,7 @@ def test_arrows_are_the_forces_of_the_reactions():
     forces = np.array([at.rotation @ f for at, f in zip(places, forces, strict=True)])
     arrows = [
         data.oMi[int(pull.shape.mover)].homogeneous @ placed[f"robot/{pull.shape.node}"]
-        for pull in pulls_of(robot, viewer._scene.size)
+        for pull in reaction_arrows(robot, viewer._scene.layout, viewer._scene.size)
     ]
     starts, ways = np.array(arrows)[:, :3, 3], np.array(arrows)[:, :3, 2]
     assert starts == pytest.approx(np.array([at.translation for at in places]), abs=1e-12)
@@ -78,7 +78,7 @@ def test_forces_in_the_plane_are_drawn_whatever_the_axes_of_the_joints_are():
         data = robot.model.createData()
         pin.forwardKinematics(robot.model, data, motion.q[-1])
         of_robot = []
-        for pull in pulls_of(robot, viewer._scene.size):
+        for pull in reaction_arrows(robot, viewer._scene.layout, viewer._scene.size):
             at = data.oMi[int(pull.shape.mover)].homogeneous
             matrix = at @ placed[-1][f"robot/{pull.shape.node}"] / viewer._scene.size
             of_robot.append(matrix[:3, 2])  # the arrow
@@ -108,7 +108,7 @@ def test_contacts_that_act_are_drawn_with_their_forces():
     placed = _placed_during(viewer, motion)
     slope = chain.frame_placement(q0, "slope")[1]
     forces = motion.contact_forces @ slope.T
-    arrows = list(contact_forces_of(scene.touches, 0, 0.45 * scene.size))
+    arrows = scene.arrows  # without motors and reactions: all of contacts
     for k in range(4):
         corners = chain.frame_placement(motion.q, f"corner_{k}")[0]
         force, point = (x.shape.node for x in arrows[2 * k : 2 * k + 2])

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Torques and forces as shares of the largest, with their curves and notes for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array
+from ..closed_chain import ClosedChain
+from ..errors import ActuationError, ClosureError, SingularConfigurationError
+from ..summaries import listed
+from .curve_sets import contacts_of, forces_of
+
+#: The longest arrow of a contact, in weights of the robot, if a force is larger.
+_MOST_WEIGHTS = 2.0
+
+
+class ShownForces(NamedTuple):
+    """Forces of some samples, as the page shows them."""
+
+    shares: Array | None  #: As shares of the largest, shape (n, forces, 3); None without arrows.
+    curves: list[dict[str, Any]]
+    note: str  #: A text below the curves.
+
+
+NO_FORCES = ShownForces(None, [], "")
+
+
+def torque_shares(robot: ClosedChain, tau: Array) -> Array:
+    """Torques as shares of the largest torque, forces as shares of the largest force."""
+    shares = np.zeros_like(tau)
+    units = np.array(robot.motor_units)
+    for unit in set(robot.motor_units):
+        of_unit = units == unit
+        largest = np.abs(tau[:, of_unit]).max(initial=0.0)
+        shares[:, of_unit] = tau[:, of_unit] / (largest or 1.0)
+    return shares
+
+
+def contact_forces(robot: ClosedChain, forces: Array) -> ShownForces:
+    """Forces of contacts, shape (n, contacts, 3), as shares of the longest arrow."""
+    sizes = np.linalg.norm(forces, axis=2, keepdims=True)
+    # An impact is hundreds of times larger than the forces of standing: longer arrows are cut.
+    model = robot.mechanism.model
+    weight = np.linalg.norm(model.gravity.linear) * sum(body.mass for body in model.inertias)
+    longest = float(sizes.max())
+    if weight > 0:
+        longest = min(longest, float(_MOST_WEIGHTS * weight))
+    if longest == 0:
+        longest = 1.0
+    more = " or more" if sizes.max() > longest else ""
+    note = (
+        f"Green arrows: forces on what touches a ground; the longest is {longest:.3g}\xa0N"
+        f"{more}. Lengths grow with the square root."
+    )
+    shares = forces / np.maximum(sizes, longest)
+    return ShownForces(shares, [contacts_of(robot, forces)], note)
+
+
+def reaction_forces(
+    robot: ClosedChain,
+    q: Array,
+    va: Array,
+    aa: Array | None,
+    tau: Array | None,
+    stiffness: Mapping[str, ArrayLike] | None,
+) -> ShownForces:
+    """Unique forces in joints and closures as shares of the largest; see `ClosedChain.reactions`.
+
+    Where the reactions are not defined, there are no arrows, and the note says why.
+    """
+    engine = robot.engine
+    try:
+        w = engine.reactions(q, va, aa, tau, stiffness)
+        forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
+        is_unknown = np.isnan(forces).any(axis=0)  # components of each force, in any sample
+        # Number of directions in which each force is not unique, in any sample.
+        unknown_directions = np.zeros(len(w.names))
+        if is_unknown.any():
+            # In a planar robot the unique parts are the forces in its plane.
+            forces, counts = engine.unique_forces(q, va, aa, tau, stiffness)
+            unknown_directions = counts.max(axis=0)
+    except (ActuationError, ClosureError, SingularConfigurationError) as error:
+        return ShownForces(None, [], f"No reactions: {error}")
+    # A force is drawn if a part of it is unique in all samples.
+    is_drawn = unknown_directions < 3
+    forces = np.where(is_drawn[:, None], forces, 0.0)
+    largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
+
+    curves = []
+    notes = []
+    if is_drawn.any():
+        curves.append(forces_of(w.names, forces, is_drawn))
+        notes.append(
+            f"Dark arrows: forces of joints on what they carry; the largest is "
+            f"{largest:.3g}\xa0N. Lengths grow with the square root."
+        )
+    not_unique = []
+    for k, name in enumerate(w.names):
+        letters = [letter for letter, x in zip("xyz", is_unknown[k], strict=True) if x]
+        if not is_drawn[k]:
+            not_unique.append(name)
+        elif unknown_directions[k] == len(letters) > 0:
+            not_unique.append(f"{name} ({', '.join(letters)})")
+        elif unknown_directions[k] == 1:
+            not_unique.append(f"{name} (along one direction)")
+        elif unknown_directions[k] == 2:
+            not_unique.append(f"{name} (along two directions)")
+    if not_unique:
+        notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
+    return ShownForces(forces / largest, curves, " ".join(notes))

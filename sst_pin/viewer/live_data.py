@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Data of a robot for a page that computes; the names are those of its scripts.
+
+`live.js` reads the sliders and the drawing, `engine.js` and `nonsmooth.js` in `compiled` read the
+state, the scales and the limits. Matrices are listed column by column, as in WebGL.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..closed_chain import ClosedChain
+from ..simulation.check import LARGEST_CONDITION, over_limits
+from .curve_sets import torques_of
+from .robot_scene import Scene
+from .scene_parts import ForceArrow, TorqueArrow
+
+#: A slider ignores the limits of an angle if one is at least this far from zero, [rad].
+_TURN = 2 * np.pi
+#: Limits beyond this are ignored.
+_FAR = 1e6
+
+
+def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
+    """All data; the page starts at q and va, shapes (nq,) and (n,)."""
+    mechanism = robot.mechanism
+    model = mechanism.model
+    space = mechanism.space
+    gravity = float(np.linalg.norm(model.gravity.linear)) or 9.81
+    weight = gravity * sum(body.mass for body in model.inertias)
+    motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
+    efforts = np.abs(mechanism.actuation).T @ np.minimum(model.effortLimit, 10 * _FAR)
+    motors["limits"] = [x if 0 < x < _FAR else None for x in efforts.tolist()]
+    # The largest torque of a slider: the weight of the robot at half of its length.
+    largest = [weight * (scene.size / 2 if unit == "N m" else 1) for unit in motors["units"]]
+    return {
+        # The state and the scales of positions and rates.
+        "q": q.tolist(),
+        "va": va.tolist(),
+        "size": scene.size,
+        "fall": gravity,
+        "weight": weight,
+        "nv": model.nv,
+        "scales": [scene.size if unit == "m" else 1.0 for unit in space.position_units],
+        "rate_scales": [scene.size if unit == "m" else 1.0 for unit in space.rate_units],
+        # Sliders and limits.
+        "motors": motors,
+        "largest": largest,
+        "coordinates": list(_coordinates(robot, q, scene.size)),
+        "bounds": list(_bounds(robot)),
+        "stops": list(_stops(robot, q)),
+        "condition": LARGEST_CONDITION,
+        # The drawing.
+        "bodies": list(model.names),
+        "centres": [body.lever.tolist() for body in model.inertias],
+        "struts": list(_struts(scene)),
+        "arrows": list(_torque_arrows(scene)),
+        "touches": list(_contacts(scene)),
+        "forces": list(_contact_arrows(scene)),
+    }
+
+
+def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str, Any]]:
+    """Sliders of the coordinates.
+
+    The kind of a slider is "position", an entry i of q; "angle", a cosine and a sine from i on; or
+    "rate", one of several rates of a joint, which moves while the slider is held.
+    """
+    model = robot.mechanism.model
+    space = robot.mechanism.space
+    joint_of_rate = {}
+    for joint in list(model.joints)[1:]:
+        for k in range(joint.idx_v, joint.idx_v + joint.nv):
+            joint_of_rate[k] = joint
+    for k in space.rates_of(robot.coordinates).tolist():
+        joint = joint_of_rate[k]
+        unit = space.rate_units[k]
+        half_range = np.pi if unit == "rad" else 2 * size
+        if joint.nq == joint.nv:
+            kind = "position"
+            i = joint.idx_q + k - joint.idx_v
+            low = model.lowerPositionLimit[i]
+            high = model.upperPositionLimit[i]
+            no_limit = _TURN if unit == "rad" else 4 * size
+            if max(abs(low), abs(high)) >= no_limit:
+                middle = 0.0 if unit == "rad" else q[i]
+                low = middle - half_range
+                high = middle + half_range
+            # The start is on the slider, even if it is beyond the limits.
+            low = min(low, q[i])
+            high = max(high, q[i])
+        else:
+            kind = "angle" if joint.nv == 1 else "rate"
+            i = joint.idx_q
+            low = -half_range
+            high = half_range
+        yield {
+            "name": space.rate_names[k],
+            "unit": unit,
+            "kind": kind,
+            "i": i,
+            "low": float(low),
+            "high": float(high),
+            "scale": size if unit == "m" else 1.0,
+        }
+
+
+def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
+    """Limits of joints that turn about one axis or slide along one.
+
+    A start beyond a limit moves the limit there.
+    """
+    model = robot.mechanism.model
+    for joint in list(model.joints)[1:]:
+        if joint.nq != 1 or joint.nv != 1:
+            continue
+        i = joint.idx_q
+        low = float(model.lowerPositionLimit[i])
+        high = float(model.upperPositionLimit[i])
+        if low <= -_FAR and high >= _FAR:
+            continue
+        linear, angular = np.split(np.ravel(joint.createData().S), 2)
+        is_revolute = not linear.any()
+        if not is_revolute and angular.any():  # a screw
+            continue
+        yield {
+            "i": i,
+            "body": joint.id,
+            "parent": int(model.parents[joint.id]),
+            "turns": is_revolute,
+            "axis": angular.tolist() if is_revolute else linear.tolist(),
+            "low": max(min(low, float(q[i])), -_FAR),
+            "high": min(max(high, float(q[i])), _FAR),
+        }
+
+
+def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
+    """Limits of the joints' positions, and of arcs that they run on, with their tolerances."""
+    model = robot.mechanism.model
+    tolerances = over_limits(robot.mechanism).tolist()
+    kinds = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
+    if robot.appearance.arcs is not None:
+        lower, upper = robot.appearance.arcs
+        kinds.append(("arc", lower, upper))
+    for kind, lower, upper in kinds:
+        for i, unit in enumerate(robot.position_units):
+            low, high = np.clip((lower[i], upper[i]), -_FAR, _FAR).tolist()
+            if not unit or (low == -_FAR and high == _FAR):
+                continue
+            yield {
+                "name": robot.position_names[i],
+                "unit": unit,
+                "i": i,
+                "what": kind,
+                "low": low - tolerances[i],
+                "high": high + tolerances[i],
+            }
+
+
+def _struts(scene: Scene) -> Iterator[dict[str, Any]]:
+    """Shapes between two bodies."""
+    for strut in scene.struts:
+        yield {
+            "node": strut.shape.mover,
+            "joints": strut.joints,
+            "points": strut.points.tolist(),
+        }
+
+
+def _torque_arrows(scene: Scene) -> Iterator[dict[str, Any]]:
+    """Arrows of the motors."""
+    for arrow in scene.arrows:
+        if isinstance(arrow, TorqueArrow):
+            yield {
+                "node": arrow.shape.node.split("/"),
+                "at": _columns(arrow.shape.at),
+                "motor": arrow.motor,
+                "share": arrow.share,
+                "mirror": arrow.mirror,
+            }
+
+
+def _contacts(scene: Scene) -> Iterator[dict[str, Any]]:
+    """Places of the contacts."""
+    for place in scene.contacts:
+        yield {
+            "node": place.node,
+            "body": place.frame.parentJoint,
+            "at": place.frame.placement.translation.tolist(),
+            "ground": place.ground.parentJoint,
+            "axes": _columns(place.ground.placement.homogeneous),
+            "radius": place.radius,
+        }
+
+
+def _contact_arrows(scene: Scene) -> Iterator[dict[str, Any]]:
+    """Arrows and marks of the forces of contacts; the start of a mark is None."""
+    first_contact = scene.layout.contact(0)
+    for arrow in scene.arrows:
+        if not isinstance(arrow, TorqueArrow) and arrow.first >= first_contact:
+            yield {
+                "node": arrow.shape.node.split("/"),
+                "at": _columns(arrow.shape.at),
+                "touch": (arrow.first - first_contact) // 3,
+                "start": arrow.start if isinstance(arrow, ForceArrow) else None,
+            }
+
+
+def _columns(matrix: Array) -> list[float]:
+    """The entries of a matrix, column by column."""
+    return matrix.T.ravel().tolist()
