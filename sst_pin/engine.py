@@ -545,12 +545,12 @@ class Engine:
     ) -> D:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
-        ask_derivatives = None
+        kernel = None
         if external_wrenches is None and not options:  # `Kernel.derivatives` takes no options
             kernel = self.kernel(key)
-            ask_derivatives = None if kernel is None else kernel.derivatives
-        if ask_derivatives is not None:
-            answer: D | None = ask_derivatives(kind, q, *vectors.values(), 1)
+        if kernel is not None:
+            second, third = vectors.values()
+            answer: D | None = kernel.derivatives(kind, q, second, third, 1)
             if answer is not None:
                 return answer
         matrices = self._under_loads(
@@ -559,7 +559,7 @@ class Engine:
             shape,
             q,
             vectors,
-            ask_kernel=ask_derivatives is None,
+            ask_kernel=kernel is None,
             external_wrenches=external_wrenches,
             **options,
         )
@@ -707,11 +707,10 @@ def _answer(
 
     It is not asked if there are more than two vectors, or if `out` is to hold matrices.
     """
-    answer = kernel.answer
-    if answer is None or len(vectors) > 2 or (out is not None and len(shape) > 1):
+    if len(vectors) > 2 or (out is not None and len(shape) > 1):
         return False, None
     two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
-    result = answer(q, two[0], two[1], moment, out, threads)
+    result = kernel.answer(q, two[0], two[1], moment, out, threads)
     if result is not None and len(shape) > 1:
         result.shape = (*result.shape[:-1], *shape)  # kernels give matrices in a row
     return True, result

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Protocol
 
 from .arrays import Array, Indices
@@ -16,20 +15,14 @@ from .states import StateSpace
 class Kernel(Protocol):
     """Compiled code of one quantity."""
 
-    @property
-    def answer(self) -> Callable[..., Array | None] | None:
-        """A function (a, b, c, load, out, threads) of unchecked arguments for control loops.
+    def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Array | None:
+        """The result for unchecked arguments, for control loops.
 
-        It returns the result, or None if the arguments need a check or a sample fails one. The
-        property is None if the kernel computes by `many` only.
+        It is None if the arguments need a check or a sample fails one.
         """
 
-    @property
-    def derivatives(self) -> Callable[..., Any] | None:
-        """A function (kind, a, b, c, threads), as `answer`, for a kernel of derivatives.
-
-        It returns the derivatives by a, b and c as a named tuple of this kind.
-        """
+    def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
+        """As `answer`, of a kernel of derivatives: those by a, b and c, as a tuple of this kind."""
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
         """Fill results of N samples, shape (N, size); indices of those that fail the checks.

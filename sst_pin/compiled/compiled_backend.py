@@ -14,7 +14,7 @@ import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -32,7 +32,7 @@ from ..model.closures import Brake, Rolling
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import libraries
-from .compiled_states import ByColumns, CompiledStateSpace, DerivativesByColumns
+from .compiled_states import CompiledStateSpace
 from .compiler import LONG, SINGLE, TARGETS
 from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
@@ -56,10 +56,6 @@ _MOST_PASSES = 2
 #: Batches are computed by whole matrices if n^2 nv is at most this, with n coordinates and nv
 #: rates: the code of a matrix grows faster than that of a direction.
 _LARGEST = 10_000
-#: Quantities that need the factors of the inertia matrix in symbols, and the largest n^2 nv for
-#: these: their code compiles for minutes beyond.
-WITH_INERTIA = ("accelerations", "acceleration_derivatives", "rollout")
-_LARGEST_INERTIA = 100_000
 #: Number of kernels of derivatives, one for each smoothing width, at which all are dropped.
 _WIDTHS = 16
 
@@ -204,12 +200,7 @@ class CompiledBackend:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
             self._drop_other_widths()
-        kernel: kernel_protocols.Kernel | None = None
-        if key.name == "accelerations":
-            kernel = self._by_columns()
-        elif key.name == "acceleration_derivatives":
-            kernel = self._derivatives_by_columns(key)
-        self._kernels[key] = kernel or self._kernel(key)
+        self._kernels[key] = self._kernel(key)
         return self._kernels[key]
 
     def _drop_other_widths(self) -> None:
@@ -256,7 +247,6 @@ class CompiledBackend:
             derivatives=partial(self.kernel, derivatives),
             rate=partial(self._rate, friction),
             rollout=partial(self._rollout, friction),
-            by_columns=self._by_columns(friction),
         )
 
     def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> NonsmoothCode | None:
@@ -307,50 +297,11 @@ class CompiledBackend:
         """Everything that the kernels are made from."""
         return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
-        """Direct dynamics if the mass matrix is too large to be written out; None otherwise."""
-        mechanism = self._mechanism
-        forces = Quantity("generalized_forces")
-        written_out = not impossible(mechanism, "accelerations")
-        if written_out or mechanism.lines.actuation.any() or mechanism.without_mass:
-            return None
-
-        def forces_of(loaded: bool) -> "Kernel":
-            kernel = self._kernel(forces._replace(loaded=loaded), friction=friction)
-            if kernel is None:
-                raise CompilationError(str(self))
-            return kernel
-
-        inertial = self._kernel(forces, inertial=True)
-        rates = self._kernel(Quantity("rates"))
-        if inertial is None or rates is None:
-            return None
-        return ByColumns(mechanism, cache(forces_of), inertial, rates)
-
-    def _derivatives_by_columns(self, key: Quantity) -> DerivativesByColumns | None:
-        """Derivatives of accelerations where these are computed by columns; None otherwise."""
-        mechanism = self._mechanism
-        forces = key._replace(name="torque_derivatives")
-        smooth = replace(mechanism.friction, sign_width=key.sign_width or 0.0)
-        accelerations = self._by_columns(smooth)
-        if accelerations is None or mechanism.actuation[mechanism.dependent].any():
-            return None
-
-        def forces_of(loaded: bool) -> "Kernel":
-            kernel = self._kernel(forces._replace(loaded=loaded))
-            if kernel is None:
-                raise CompilationError(str(self))
-            return kernel
-
-        return DerivativesByColumns(mechanism, accelerations, cache(forces_of))
-
     def _kernel(
         self,
         key: Quantity,
         word: str = "run",
         friction: Friction | None = None,
-        *,
-        inertial: bool = False,
     ) -> "Kernel | None":
         """A kernel with its code for single samples and for batches; None if it is impossible.
 
@@ -358,7 +309,6 @@ class CompiledBackend:
             key: Its quantity.
             word: The function in the library: "run", or "rate" of a rollout.
             friction: Friction in place of the mechanism's.
-            inertial: Whether weights, friction, springs and lines are left out.
         """
         code = self._codes_of(key)
         if code is None:
@@ -370,8 +320,6 @@ class CompiledBackend:
         if key.name == "torque_regressor":
             parameters = self._all_parameters
         numbers = parameters.pack(self._mechanism, friction)
-        if inertial:
-            numbers = parameters.inertial(numbers)
         _, output, *inputs = code.single.sizes(word)
         return self._binding.Kernel(
             single=code.single.address(word),
@@ -510,16 +458,14 @@ def _closed(reference: Reference, q: Array | None) -> bool:
 
 def impossible(mechanism: Mechanism, quantity: Name) -> str:
     """The reason why a quantity has no kernel; empty where it has one."""
-    nv, motors = mechanism.actuation.shape
     n = len(mechanism.coordinates)
+    motors = len(mechanism.motor_names)
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
     if quantity == "actuator_jacobian" and not motors:
         return "there are no motors"
     if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
-    if quantity in WITH_INERTIA and n * n * nv > _LARGEST_INERTIA:
-        return f"{n} coordinates of {nv} rates are too many for an inertia matrix in symbols"
     return ""
 
 

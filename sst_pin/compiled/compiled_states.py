@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""States of a mechanism by compiled kernels: rates, closing of loops, rollouts.
-
-`CompiledStateSpace` is the state space for integrators. `ByColumns` and `DerivativesByColumns` are
-kernels of accelerations and their derivatives for robots with many coordinates, whose mass matrix
-is too large to be written out in symbols. They compute it as numbers: its column k is the
-generalized forces that the accelerations e_k need at rest, without weights and springs. A kernel of
-inverse dynamics computes all columns of a sample side by side.
-"""
+"""States of a mechanism by compiled kernels: rates, closing of loops, rollouts."""
 
 import sys
 from collections.abc import Callable
@@ -17,12 +10,11 @@ import numpy as np
 
 from ..arrays import Array, Flags, Indices
 from ..dynamics.derivatives import AccelerationDerivatives
-from ..dynamics.dynamics import solved
 from ..dynamics.reference import Reference
 from ..dynamics.rollout_arrays import RolloutArrays
 from ..errors import SSTError
 from ..kernel_protocols import Kernel
-from ..model.mechanism import Friction, Mechanism
+from ..model.mechanism import Friction
 from ..states import StateSpace, WrenchesAt, wrenches_of
 
 if TYPE_CHECKING:
@@ -49,7 +41,6 @@ class CompiledStateSpace(StateSpace):
         derivatives: Returns the kernel of derivatives of accelerations.
         rate: Returns the kernel of rates of states, with or without loads.
         rollout: Returns the kernel of rollouts, with or without loads.
-        by_columns: Computes accelerations where many coordinates leave no kernel of rates.
     """
 
     def __init__(
@@ -61,14 +52,12 @@ class CompiledStateSpace(StateSpace):
         derivatives: Callable[[], Kernel | None],
         rate: "Callable[[bool], BoundKernel | None]",
         rollout: "Callable[[bool], RolloutKernel | None]",
-        by_columns: "ByColumns | None",
     ) -> None:
         super().__init__(reference, friction)
         self._closing = closing
         self._derivative_kernel = derivatives
         self._rate_kernel = cache(rate)
         self._rollout_kernel = rollout
-        self._by_columns = by_columns
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
@@ -101,21 +90,13 @@ class CompiledStateSpace(StateSpace):
             rates = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if rates is None else rates
 
-    def _rate_at_closed(
-        self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
-    ) -> Array:
-        rates = None
-        if self._by_columns is not None:
-            rates = self._by_columns.state_rate(q, va, tau, wrenches)
-        return super()._rate_at_closed(q, va, tau, wrenches, tolerance) if rates is None else rates
-
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
         kernel = None
         if wrenches is None:
             kernel = self._derivative_kernel()
-        if kernel is not None and kernel.derivatives is not None:
+        if kernel is not None:
             parts = kernel.derivatives(AccelerationDerivatives, q, va, tau, 1)
             if parts is not None:
                 return np.concatenate(parts, axis=1)
@@ -243,113 +224,3 @@ class CompiledStateSpace(StateSpace):
         result = np.empty((1, self._nq + 2))
         failed = self._closing.many((example[None],), result)
         return 0.0 if len(failed) else abs(float(result[0, -2]))
-
-
-class ByColumns:
-    """A `Kernel` of accelerations, Eq. (92), with the mass matrix column by column.
-
-    Args:
-        mechanism: The mechanism.
-        forces: Returns the kernel of generalized forces, with or without loads.
-        inertial: The kernel of generalized forces of inertia alone.
-        rates: The kernel of v = L va.
-    """
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        forces: Callable[[bool], "BoundKernel"],
-        inertial: "BoundKernel",
-        rates: "BoundKernel",
-    ) -> None:
-        self._mechanism = mechanism
-        self._forces = forces
-        self._inertial = inertial
-        self._rates = rates
-        self._unit = np.eye(len(mechanism.coordinates))
-
-    #: `Kernel.answer` and `Kernel.derivatives`: it computes by `many` only.
-    answer = None
-    derivatives = None
-
-    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
-        """Fill the accelerations; indices of samples that fail the checks of the kernels."""
-        q, va, tau, *load = arrays
-        at_rest = np.empty(out.shape)  # forces that the motion with aa = 0 needs
-        kernel = self._forces(bool(load))
-        failed = np.zeros(len(out), dtype=bool)
-        failed[kernel.many((q, va, None, *load), at_rest, threads)] = True
-        for i in np.flatnonzero(~failed):
-            inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
-            failures = self._inertial.many((q[i], None, self._unit), inertia, threads)
-            supplied = tau[i]
-            if not self._mechanism.driven_one_to_one:
-                supplied = self._motor_forces(q[i], tau[i])
-            aa = solved(inertia, supplied - at_rest[i])
-            out[i] = np.nan if aa is None else aa
-            failed[i] = len(failures) > 0 or not np.isfinite(out[i]).all()
-        return np.flatnonzero(failed)
-
-    def _motor_forces(self, q: Array, tau: Array) -> Array:
-        """L^T B tau: forces of the motors along the coordinates; NaN at a singularity."""
-        L_transposed = np.empty((len(self._unit), self._mechanism.model.nv))
-        failures = self._rates.many((q, self._unit), L_transposed)
-        if len(failures):
-            return np.full(len(L_transposed), np.nan)
-        return L_transposed.dot(self._mechanism.actuation.dot(tau))
-
-    def state_rate(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array | None:
-        """Rates of q and va at one closed configuration; None where the kernels fail."""
-        load = () if wrenches is None else (wrenches.reshape(1, -1),)
-        aa = np.empty((1, len(va)))
-        v = np.empty((1, self._mechanism.model.nv))
-        if len(self.many((q[None], va[None], tau[None], *load), aa)):
-            return None
-        if len(self._rates.many((q[None], va[None]), v)):
-            return None
-        return np.concatenate([self._mechanism.space.coordinate_rates(q, v[0]), aa[0]])
-
-
-class DerivativesByColumns:
-    """A `Kernel` of derivatives of accelerations, from those of forces at these accelerations.
-
-    Motors act on coordinates only, so that their forces along the coordinates are constant.
-
-    Args:
-        mechanism: The mechanism.
-        accelerations: Computes the accelerations.
-        forces: Returns the kernel of derivatives of generalized forces, with or without loads.
-    """
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        accelerations: ByColumns,
-        forces: Callable[[bool], "BoundKernel"],
-    ) -> None:
-        self._accelerations = accelerations
-        self._forces = forces
-        self._motor_matrix = mechanism.actuation[mechanism.coordinates]  # L^T B
-
-    #: `Kernel.answer` and `Kernel.derivatives`: it computes by `many` only.
-    answer = None
-    derivatives = None
-
-    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
-        """Fill the derivatives; indices of samples that fail the checks of the kernels."""
-        q, va, tau, *load = arrays
-        samples = len(out)
-        n = len(self._motor_matrix)
-        aa = np.empty((samples, n))
-        of_forces = np.empty((samples, 3 * n * n))  # by q, va and aa, side by side
-        kernel = self._forces(bool(load))
-        failed = np.zeros(samples, dtype=bool)
-        failed[self._accelerations.many((q, va, tau, *load), aa, threads)] = True
-        failed[kernel.many((q, va, aa, *load), of_forces, threads)] = True
-        for i in np.flatnonzero(~failed):
-            by_q_and_va, inertia = np.split(of_forces[i].reshape(n, 3 * n), [2 * n], axis=1)
-            # f(q, va, aa) = L^T B tau: inertia d(aa) = -by_q_and_va d(q, va) + L^T B d(tau)
-            of_aa = solved(inertia, np.hstack([-by_q_and_va, self._motor_matrix]))
-            out[i] = np.nan if of_aa is None else of_aa.ravel()
-            failed[i] = not np.isfinite(out[i]).all()
-        return np.flatnonzero(failed)

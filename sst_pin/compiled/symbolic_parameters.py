@@ -121,17 +121,6 @@ class SymbolicParameters:
         blocks.append(of_lines.reshape(self.size, -1))
         return blocks
 
-    def inertial(self, numbers: Array) -> Array:
-        """The numbers without gravity, springs and forces along lines, but with their masses."""
-        numbers = numbers.copy()
-        numbers[GRAVITY] = 0
-        spring = self._starts["stiffness"]
-        numbers[spring : spring + len(self.joints["stiffness"])] = 0
-        line, lines = self._lines
-        numbers[line : line + LINE * lines] = 0
-        numbers[self._coulomb :] = 0
-        return numbers
-
     def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
         """Mass, first moment and second moments of a body; None without mass."""
         if body not in self.bodies:

@@ -11,9 +11,10 @@ import pytest
 import sst_pin
 from sst_pin.compiled import compiled_backend, compiler
 from sst_pin.dynamics.derivatives import TorqueDerivatives
-from sst_pin.dynamics.quantities import Quantity
+from sst_pin.dynamics.quantities import QUANTITIES, Quantity
 from sst_pin.engine import Engine
 from sst_pin.errors import CompilationError
+from tests.gallery import ladder
 from tests.support import any_chain, link_tables
 from tests.support.files import ROOT
 
@@ -43,6 +44,12 @@ def lines():
 
 def moving(chain, count):
     return any_chain.states(chain, count, 0)
+
+
+def test_no_number_of_coordinates_is_too_many_for_kernels():
+    """Accelerations of a ladder take the same operations for each cell: test_articulated.py."""
+    mechanism = ladder(34).mechanism
+    assert not any(compiled_backend.impossible(mechanism, name) for name in QUANTITIES)
 
 
 @pytest.mark.parametrize("count", [1, 5, 33, 5003])

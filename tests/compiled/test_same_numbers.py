@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationError, robots
+from sst_pin import ClosedChain, LineForce, SingularConfigurationError, robots
 from sst_pin.compiled import compiled_backend, libraries
 from sst_pin.dynamics.quantities import QUANTITIES
 from tests.gallery import EVERY_ROBOT
@@ -61,8 +61,6 @@ ROBOTS = {
     "motors on dependent joints": lambda: any_chain.chain(
         kind="hinge", coordinates=["arm_1", "arm_2"]
     ),
-    **{f"{name} by columns": lambda name=name: full(name) for name in ("five_bar", "four_bar")},
-    "planar_4rrr by columns": lambda: full("planar_4rrr"),
     "four-bar by directions": lambda: link_tables.four_bar(link_tables.SKEW_PLANE).chain(),
     "five_bar by directions": lambda: full("five_bar"),
     "floating four-bar by directions": lambda: floating_four_bar().chain,
@@ -74,7 +72,6 @@ LOADABLE |= {"torque_derivatives", "acceleration_derivatives"}
 FRAMES = [name for name in METHODS if name.startswith("frame")]
 DERIVATIVES = ["torque_derivatives", "acceleration_derivatives", "linearize"]
 OF_TREE = ["joint_rates", "joint_accelerations", "frame_jacobian", "reduced_terms"]
-BY_COLUMNS = [name for name in ROBOTS if name.endswith("by columns")]
 BY_DIRECTIONS = [name for name in ROBOTS if name.endswith("by directions")]
 REACTING = (*GALLERY, "SST", "five-bar", "cart", "lines", "rods", "coupled", "composite")
 #: Robots and what is compared of them: what compiles quickly, and the others.
@@ -82,8 +79,7 @@ QUICK = [
     (["four-bar"], [*DYNAMICS, *OF_TREE, "torque_regressor"]),
     (["lines"], [*DYNAMICS, "torque_derivatives"]),
     (["five-bar"], [*DERIVATIVES[1:], *FRAMES]),
-    ([BY_COLUMNS[1], "no motors"], ["compute_accelerations"]),
-    ([BY_COLUMNS[1]], ["acceleration_derivatives"]),
+    (["no motors"], ["compute_accelerations"]),
     (["four-bar by directions"], ["torque_regressor", "reduced_terms", "linearize"]),
     (["five_bar by directions"], ["frame_velocity_derivatives"]),
     (["no motors by directions"], DERIVATIVES[1:2]),
@@ -95,9 +91,6 @@ SLOW = [
     (["SST", "Cassie", "cart"], DYNAMICS),
     (["no motors"], DERIVATIVES[1:2]),
     (["sprung", "cart", "delta", "governor"], ["torque_regressor"]),
-    ([BY_COLUMNS[0], BY_COLUMNS[2]], ["compute_accelerations"]),
-    # Motors on dependent joints stay on the reference path there.
-    ([BY_COLUMNS[0]], ["acceleration_derivatives"]),
     (BY_DIRECTIONS[1:3], [*DERIVATIVES, *OF_TREE[2:], "torque_regressor"]),
     (BY_DIRECTIONS[2:3], FRAMES),
     (BY_DIRECTIONS[4:], DERIVATIVES[:2]),
@@ -115,7 +108,7 @@ CASES = [
 #: Largest differences, of the largest number of a sample; 1e-11 for the others: two ways of
 #: solving, with condition numbers up to 1e3.
 TOLERANCES = {"cart": 1e-12, "five-bar": 1e-10, "floating four-bar": 1e-10}
-TOLERANCES |= dict.fromkeys([*BY_COLUMNS, *BY_DIRECTIONS], 1e-10)
+TOLERANCES |= dict.fromkeys(BY_DIRECTIONS, 1e-10)
 
 
 def same(actual, expected, tolerance=1e-12):
@@ -130,12 +123,6 @@ def pair(name):
         chain.generic_configuration()
     kernels.compile()
     return kernels, reference
-
-
-@pytest.fixture
-def by_columns(monkeypatch):
-    """Mass matrices count as too large for all."""
-    monkeypatch.setattr(compiled_backend, "_LARGEST_INERTIA", 0)
 
 
 @pytest.fixture
@@ -174,8 +161,6 @@ def results(chain, method, given, loads, k=..., **how):
 @pytest.mark.parametrize(("name", "method"), CASES)
 def test_kernels_compute_what_the_reference_path_computes(name, method, request, monkeypatch):
     """Batches and single samples, with wrenches and without; none is handed over."""
-    if name in BY_COLUMNS:
-        request.getfixturevalue("by_columns")
     if name in BY_DIRECTIONS:
         request.getfixturevalue("by_directions")
     (kernels, reference), (given, wrenches) = pair(name), samples(name)
@@ -203,20 +188,6 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
             np.testing.assert_allclose(got, right, rtol=0, atol=most)
             np.testing.assert_allclose(one, right[3], rtol=0, atol=most)
     assert "by the reference path" not in kernels.backend
-
-
-def test_samples_at_fault_by_columns_are_named_or_nan_and_the_others_are_as_they_were(by_columns):
-    """By the other kernels: test_refusals.py."""
-    kernels, (given, _) = pair(BY_COLUMNS[1])[0], samples(BY_COLUMNS[1])
-    q, va, tau = given["q"], given["va"], given["tau"]
-    expected, opened = kernels.compute_accelerations(q, va, tau), q.copy()
-    opened[4, -1] += 0.1
-    with pytest.raises(ClosureError) as caught:
-        kernels.compute_accelerations(opened, va, tau)
-    assert caught.value.samples == ((4,),)
-    expected[4] = np.nan
-    result = kernels.compute_accelerations(opened, va, tau, on_error="nan")
-    np.testing.assert_array_equal(result, expected)
 
 
 @pytest.fixture
