@@ -6,11 +6,11 @@ from xml.etree.ElementTree import SubElement
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
 from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
-from .mjcf_document import FAR, MjcfDocument, pose_attributes
+from .mjcf_attributes import FAR, pose_attributes
+from .mjcf_document import MjcfDocument
 from .urdf_writer import numbers
 
 
@@ -65,42 +65,49 @@ def _joins_branches(model: pin.Model, line: LineForce) -> bool:
 def add_motors(document: MjcfDocument, mechanism: Mechanism) -> None:
     """Add motors, each with a control that is its force."""
     for k, name in enumerate(mechanism.motor_names):
+        # Factors from the motor's force to the forces on rates, shape (nv,), and on lines.
         on_rates = mechanism.actuation[:, k]
         on_lines = mechanism.lines.actuation[:, k]
-        _add_motor(document, mechanism, name, on_rates, on_lines)
+        rates = np.flatnonzero(on_rates)
+        lines = np.flatnonzero(on_lines)
+        names = document.by_rate()
+        motor = {"name": name}
+        if not len(rates) and len(lines) == 1:
+            line = mechanism.lines.forces[lines[0]]
+            motor |= _motor_on_line(document, name, line, float(on_lines[lines[0]]))
+        elif len(lines) or not names.keys() >= set(rates.tolist()):
+            text = "it acts on more than hinges and slides, or one line"
+            document.problems.append(f"motor {name}: {text}")
+        elif len(rates) == 1 and on_rates[rates[0]] == 1:
+            motor |= _motor_in_joint(mechanism, names[int(rates[0])], int(rates[0]))
+        else:
+            factors = {names[int(rate)]: float(on_rates[rate]) for rate in rates}
+            motor["tendon"] = document.add_sum_tendon(name, factors)
+        SubElement(document.section("actuator"), "motor", motor)
 
 
-def _add_motor(
-    document: MjcfDocument, mechanism: Mechanism, name: str, on_rates: Array, on_lines: Array
-) -> None:
-    """Add a motor by its factors in the forces on rates, shape (nv,), and on lines."""
-    single = document.by_rate()
-    rates = np.flatnonzero(on_rates)
-    lines = np.flatnonzero(on_lines)
-    motor = {"name": name}
-    if not len(rates) and len(lines) == 1:  # on a line
-        line = mechanism.lines.forces[lines[0]]
-        factor = float(on_lines[lines[0]])
-        motor["tendon"] = line.name
-        if factor != 1:
-            motor["gear"] = numbers([factor])
-            text = "its factor is a gear; from_mjcf reads a motor with the factor 1"
-            document.notes.append(f"motor {name}: {text}")
-        if line.effort < FAR:
-            largest = line.effort / abs(factor)
-            motor["ctrlrange"] = numbers([-largest, largest])
-    elif len(lines) or not single.keys() >= set(rates.tolist()):
-        text = "it acts on more than hinges and slides, or one line"
-        document.problems.append(f"motor {name}: {text}")
-    elif on_rates[rates].tolist() == [1]:  # in a joint
-        motor["joint"] = single[int(rates[0])]
-        effort = float(mechanism.model.upperEffortLimit[rates[0]])
-        if 0 < effort < FAR:
-            motor["ctrlrange"] = numbers([-effort, effort])
-    else:  # on several joints
-        shares = {single[int(rate)]: on_rates[rate] for rate in rates}
-        motor["tendon"] = document.add_sum_tendon(name, shares)
-    SubElement(document.section("actuator"), "motor", motor)
+def _motor_on_line(
+    document: MjcfDocument, motor: str, line: LineForce, factor: float
+) -> dict[str, str]:
+    """Attributes of a motor that acts on one line by a factor; a note on a factor other than 1."""
+    attributes = {"tendon": line.name}
+    if factor != 1:
+        attributes["gear"] = numbers([factor])
+        text = "its factor is a gear; from_mjcf reads a motor with the factor 1"
+        document.notes.append(f"motor {motor}: {text}")
+    if line.effort < FAR:
+        largest = line.effort / abs(factor)
+        attributes["ctrlrange"] = numbers([-largest, largest])
+    return attributes
+
+
+def _motor_in_joint(mechanism: Mechanism, joint: str, rate: int) -> dict[str, str]:
+    """Attributes of a motor in a hinge or a slide."""
+    attributes = {"joint": joint}
+    effort = float(mechanism.model.upperEffortLimit[rate])
+    if 0 < effort < FAR:
+        attributes["ctrlrange"] = numbers([-effort, effort])
+    return attributes
 
 
 #: Radius of the sphere of a point, [m].

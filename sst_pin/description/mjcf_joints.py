@@ -5,7 +5,7 @@ A body of MuJoCo has joints of four kinds: hinge, slide, ball, free. A joint of 
 one of these, or several in series.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -61,67 +61,86 @@ class MjcfJoint(NamedTuple):
 def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoint]:
     """MuJoCo's joints for a joint of a normal tree.
 
+    The normal tree has the configuration factors * q[entries] + offsets and the rates S v, for q
+    and v of the original tree; see `NormalTree`. Each row of S has one entry that is not zero.
+
+    Args:
+        original: The robot's own tree.
+        tree: Its normal tree.
+        index: The joint of the normal tree.
+
     Raises:
         DescriptionError: For a joint that MuJoCo does not have.
     """
-    model = tree.model
-    joint = model.joints[index]
-    name = model.names[index]
+    joint = tree.model.joints[index]
     type_name = joint.shortname()
-    entries = tree.entries[joint.idx_q : joint.idx_q + joint.nq]
-    # Each rate of the normal tree is a factor times one rate of the chain.
-    rows = tree.S[joint.idx_v : joint.idx_v + joint.nv]
-    rates = np.abs(rows).argmax(axis=1)
+    common = _common(original, tree, index)
     rate_names = JointSpace(original).rate_names
-    # A mimic joint has no rates in the original tree.
-    mimics = index in tree.bodies and not original.joints[tree.bodies.index(index)].nv
-    # The joint as a hinge about z; other kinds replace some of these entries.
-    hinge = MjcfJoint(
-        name=name,
-        kind="hinge",
-        axis=np.eye(3)[2],
-        point=np.zeros(3),
-        at=model.jointPlacements[index],
-        entries=entries,
-        rates=rates,
-        factor=float(rows[0, rates[0]]),
-        offset=float(tree.offsets[joint.idx_q]),
-        mimics=mimics,
-    )
 
     # Joints of several rates.
     kind = _KINDS_OF_SEVERAL_RATES.get(type_name)
     # MuJoCo's free joints are relative to the world only.
-    is_free_on_body = kind == "free" and model.parents[index]
+    is_free_on_body = kind == "free" and tree.model.parents[index]
     if kind and not is_free_on_body:
-        return [hinge._replace(kind=kind)]
+        return [common._replace(kind=kind)]
     if type_name == "JointModelTranslation":
-        slides = []
+        slides = list[MjcfJoint]()
         for k, axis in enumerate(np.eye(3)):
-            slide = hinge._replace(
-                name=rate_names[rates[k]],
+            slide = common._replace(
+                name=rate_names[common.rates[k]],
                 kind="slide",
                 axis=axis,
-                entries=entries[k : k + 1],
-                rates=rates[k : k + 1],
+                entries=common.entries[k : k + 1],
+                rates=common.rates[k : k + 1],
             )
             slides.append(slide)
         return slides
 
-    # Joints of one rate, by their motion subspace S, a twist [linear; angular].
-    data = joint.createData()
-    joint.calc(data, np.eye(model.nq)[joint.idx_q])  # S is constant; 1 is a cosine
-    S = np.reshape(data.S, (6, -1))[:, 0]
-    is_helical = S[:3].any() and S[3:].any()
+    # Joints of one rate, by their twist [linear; angular] for the rate 1.
+    twist = _twist(tree.model, joint)
+    is_helical = twist[:3].any() and twist[3:].any()
     if joint.nv != 1 or is_helical:
         cure = "; use two slides and a hinge" if type_name == "JointModelPlanar" else ""
         short_name = type_name.removeprefix("JointModel")
-        problem = f"joint {name}: MuJoCo has no joint {short_name}{cure}"
+        problem = f"joint {common.name}: MuJoCo has no joint {short_name}{cure}"
         raise DescriptionError(f"model {original.name}", [problem])
-    joint_name = name if mimics else rate_names[rates[0]]
-    if S[3:].any():
-        return [hinge._replace(name=joint_name, axis=S[3:])]
-    return [hinge._replace(name=joint_name, kind="slide", axis=S[:3])]
+    name = common.name if common.mimics else rate_names[common.rates[0]]
+    if twist[3:].any():
+        return [common._replace(name=name, kind="hinge", axis=twist[3:])]
+    return [common._replace(name=name, kind="slide", axis=twist[:3])]
+
+
+def _common(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
+    """What MuJoCo's joints for a joint have in common; `joints_of` replaces kind and axis."""
+    joint = tree.model.joints[index]
+    rows = tree.S[joint.idx_v : joint.idx_v + joint.nv]
+    rates = np.abs(rows).argmax(axis=1)
+    # A mimic joint has no rates in the original tree.
+    is_mimic = False
+    if index in tree.bodies:  # not for a part of a joint that becomes several in series
+        is_mimic = not original.joints[tree.bodies.index(index)].nv
+    return MjcfJoint(
+        name=tree.model.names[index],
+        kind="hinge",
+        axis=np.zeros(3),
+        point=np.zeros(3),
+        at=tree.model.jointPlacements[index],
+        entries=tree.entries[joint.idx_q : joint.idx_q + joint.nq],
+        rates=rates,
+        factor=float(rows[0, rates[0]]),
+        offset=float(tree.offsets[joint.idx_q]),
+        mimics=is_mimic,
+    )
+
+
+def _twist(model: pin.Model, joint: Any) -> Array:
+    """The first column of the motion subspace of a joint, shape (6,): [linear; angular]."""
+    data = joint.createData()
+    # The column is constant. The configuration is one of the joint: a 1 is the cosine of angle 0.
+    q = np.zeros(model.nq)
+    q[joint.idx_q] = 1.0
+    joint.calc(data, q)
+    return np.reshape(data.S, (6, -1))[:, 0]
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:

@@ -42,11 +42,23 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     document = closed_mjcf(sst.mechanism())
     document.add_keyframes(configurations)
     robot = document.root
-    asset = ET.Element("asset")
     robot.insert(0, ET.Comment(_HEADER))
+    _add_looks(robot, p)
+    _add_sensors(robot)
+    _round_last_digits(robot)  # of what is written so far; shapes are rounded more
+    shapes = urdf_shapes(urdf.root, Path(), sst.model, pin.GeometryType.COLLISION)
+    document.add_shapes(shapes, **{"class": "collision"})
+    return document.text()
+
+
+def _add_looks(robot: ET.Element, p: Parameters) -> None:
+    """Add classes of geoms, colours, and the meshes as visual geoms of the bodies."""
+    default = robot.find("default")
+    assert default is not None  # `MjcfDocument` writes one
     for name, geom in _GEOMS.items():
-        SubElement(SubElement(robot[3], "default", {"class": name}), "geom", geom)
-    robot.insert(4, asset)
+        SubElement(SubElement(default, "default", {"class": name}), "geom", geom)
+    asset = ET.Element("asset")
+    robot.insert(list(robot).index(default) + 1, asset)
     for name, rgba in COLOURS.items():
         SubElement(asset, "material", name=name, rgba=rgba)
     for name in parts_of(p):
@@ -54,21 +66,32 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     for body in robot.iter("body"):
         for name, colour in PART_COLOURS[body.get("name", "")].items():
             SubElement(body, "geom", {"class": "visual"}, mesh=name, material=colour)
-    sensor = SubElement(robot, "sensor")
-    for kind, what in (("pos", "position"), ("vel", "velocity"), ("frc", "torque")):
-        place = "actuator" if kind == "frc" else "joint"
-        for motor in MOTOR_NAMES:
-            SubElement(sensor, place + kind, {"name": f"{motor}_{what}", place: motor})
-    for kind, what in (("framequat", "orientation"), ("frameangvel", "angular_velocity")):
-        SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")
-    for element in robot.iter():  # the last digits are the machine's own
-        for key in {"quat", "diaginertia"}.intersection(element.keys()):
-            values = np.array(element.get(key, "").split(), float)
-            places = 14 - np.floor(np.log10(np.abs(values).max())).astype(int)
+
+
+def _add_sensors(robot: ET.Element) -> None:
+    """Add sensors of the motors' positions, velocities and torques, and of the star's motion."""
+    sensors = SubElement(robot, "sensor")
+    for motor in MOTOR_NAMES:
+        SubElement(sensors, "jointpos", name=f"{motor}_position", joint=motor)
+    for motor in MOTOR_NAMES:
+        SubElement(sensors, "jointvel", name=f"{motor}_velocity", joint=motor)
+    for motor in MOTOR_NAMES:
+        SubElement(sensors, "actuatorfrc", name=f"{motor}_torque", actuator=motor)
+    star = {"objtype": "site", "objname": "E"}
+    SubElement(sensors, "framequat", {"name": "star_orientation"} | star)
+    SubElement(sensors, "frameangvel", {"name": "star_angular_velocity"} | star)
+
+
+def _round_last_digits(robot: ET.Element) -> None:
+    """Round orientations and principal moments, whose last digits differ between machines."""
+    for element in robot.iter():
+        for key in ("quat", "diaginertia"):
+            if key not in element.attrib:
+                continue
+            values = np.array(element.attrib[key].split(), float)
+            largest = np.abs(values).max()
+            places = 14 - int(np.floor(np.log10(largest)))
             element.set(key, numbers(values.round(places)))
-    solids = urdf_shapes(urdf.root, Path(), sst.model, pin.GeometryType.COLLISION)
-    document.add_shapes(solids, **{"class": "collision"})
-    return document.text()
 
 
 def scene_of(p: Parameters) -> str:

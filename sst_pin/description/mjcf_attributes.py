@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Attributes of elements of an MJCF, and limits beyond which numbers are left out."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from .urdf_writer import numbers
+
+#: Larger limits are left out.
+FAR = 1e9
+#: Kinds of MuJoCo's joints with one rate.
+SINGLE = ("hinge", "slide")
+
+
+def pose_attributes(at: pin.SE3, write: Callable[[Any], str] = numbers) -> dict[str, str]:
+    """Attributes for position and orientation; zeros are left out."""
+    from scipy.spatial.transform import Rotation
+
+    pose = {}
+    if at.translation.any():
+        pose["pos"] = write(at.translation)
+    if not np.array_equal(at.rotation, np.eye(3)):
+        x, y, z, w = Rotation.from_matrix(at.rotation).as_quat(canonical=True)
+        pose["quat"] = write(np.array([w, x, y, z]))
+    return pose
