@@ -42,9 +42,10 @@ class CoordinateChange:
     Good coordinates have dependent columns of Phi with a small condition number. A motion keeps its
     coordinates while this number is below `limit`, and then changes to better ones.
 
-    `settle` sets the limit for the coordinates that it chooses. On the way to a singular
-    configuration `allow_nearer` raises it, and `restore` ends that. Behind the singular
-    configuration, `settle_behind` puts it above the condition number there.
+    The limit changes as follows. `settle` chooses coordinates and sets the limit for them. On the
+    way to a singular configuration, `allow_nearer` raises it. `restore` lowers it again before the
+    step over this configuration. Behind it, `settle_behind` chooses coordinates and puts the limit
+    above their condition number.
 
     Attributes:
         limit: Largest condition number of a regular configuration in the present coordinates.
@@ -53,12 +54,13 @@ class CoordinateChange:
     def __init__(self, robot_space: StateSpace, mechanism: Mechanism, largest: float) -> None:
         self._robot_space = robot_space
         self._mechanism = mechanism
+        #: The largest limit that a user allows.
         self._largest = largest
-        self.limit = 0.0
+        self.limit = 0.0  # `settle` sets it
 
     @property
     def at_largest(self) -> bool:
-        """Whether the limit is the largest one that a user allows, or more during an approach."""
+        """Whether the limit is the largest one that a user allows; during an approach, or more."""
         return self.limit >= self._largest
 
     def settle(self, state: MotionState) -> MotionState:
@@ -70,7 +72,7 @@ class CoordinateChange:
     def settle_behind(self, state: MotionState) -> MotionState:
         """The same as `settle` just behind a singular configuration."""
         settled = self.settle(state)
-        # Here it may still be above the limit that `settle` sets; it falls from here on.
+        # The condition number may be above the limit that `settle` sets; it falls from here on.
         condition = settled.space.condition_number(settled.q)
         self.limit = max(self.limit, MARGIN * condition)
         return settled

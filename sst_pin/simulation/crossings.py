@@ -18,9 +18,9 @@ from ..states import StateSpace
 
 #: The search for a singular configuration ends after this many times the expected time.
 _AHEAD = 2.0
-#: A singular value below this part of its first size counts as zero.
+#: A singular value below this part of its value at the start counts as zero.
 _VANISHED = 0.03
-#: Halfway there, a singular value that falls linearly is between these parts of its first size.
+#: Halfway there, one that falls linearly is between these parts of its value at the start.
 _HALFWAY = (0.3, 0.7)
 #: Stages of the step, an even number so that none is in the middle.
 _STAGES = 8
@@ -61,8 +61,13 @@ class Crossing(NamedTuple):
 class Branch:
     """Polynomials of degree 2 N - 1 through N states of a motion and their derivatives.
 
-    The states are at `times`, (N,), in any order; v and v_dot are those of all joints, (N, nv).
-    `unit` is about the length of the extrapolation, [s].
+    Args:
+        mechanism: The robot.
+        times: Times of the states in any order, shape (N,), [s].
+        q: Configurations, shape (N, nq).
+        v: Rates of all joints, shape (N, nv).
+        v_dot: Accelerations of all joints, shape (N, nv).
+        unit: Unit of time of the polynomials, about the length of the extrapolation, [s].
     """
 
     def __init__(
@@ -74,14 +79,14 @@ class Branch:
         self._start = times[0]
         self._unit = unit
         self._normalised = space.normalised
-        # A time that stands twice has a value, then a derivative.
+        # SciPy takes each time twice: first with the value, then with the derivative.
         x = np.repeat((times - times[0]) / unit, 2)
 
         def interpolator(values: Array, derivatives: Array) -> KroghInterpolator:
             rows = np.stack([values, unit * derivatives], axis=1)
             return KroghInterpolator(x, rows.reshape(len(x), -1))
 
-        q_dot = np.array([space.coordinate_rates(*sample) for sample in zip(q, v, strict=True)])
+        q_dot = np.array([space.coordinate_rates(q_k, v_k) for q_k, v_k in zip(q, v, strict=True)])
         self._q = interpolator(q, q_dot)
         self._v = interpolator(v, v_dot)
 
@@ -112,38 +117,43 @@ def crossing_of(space: StateSpace, branch: Branch, start: float, remaining: floa
     def Phi(t: float) -> Array:
         return space.Phi(branch.q(t))
 
-    U, sizes, Vt = np.linalg.svd(Phi(start))
+    U, values, Vt = np.linalg.svd(Phi(start))
+    # Without the singular values that are zero everywhere, Phi is the square matrix
+    # rows Phi rates, shape (rank, rank).
     rank = Vt.shape[0] - len(space.coordinates)
-    # Leave out the singular vectors of values that are zero everywhere.
     rows = U[:, :rank].T
     rates = Vt[:rank].T
-    at = start
+
+    # The time of the crossing. The singular vectors are first those at the start, then those at the
+    # time found with them, because they vary a little along the branch.
+    time = start
     until = start + _AHEAD * remaining
-    for _ in range(2):  # singular vectors vary a little along the branch
-        left_vectors, _, right_vectors = np.linalg.svd(rows @ Phi(at) @ rates)
+    for _ in range(2):
+        left_vectors, _, right_vectors = np.linalg.svd(rows @ Phi(time) @ rates)
         u = left_vectors[:, -1] @ rows
         w = rates @ right_vectors[-1]
 
-        def signed(t: float, u: Array = u, w: Array = w) -> float:
-            return float(u @ Phi(t) @ w)
+        def smallest_value(t: float, u: Array = u, w: Array = w) -> float:
+            return float(u @ Phi(t) @ w)  # with its sign
 
-        if signed(start) * signed(until) > 0:
+        if smallest_value(start) * smallest_value(until) > 0:
             raise BranchError(f"{_UNDETERMINED}: the extrapolated motion does not cross it")
-        at = float(brentq(signed, start, until, xtol=1e-15, rtol=1e-14))
+        time = float(brentq(smallest_value, start, until, xtol=1e-15, rtol=1e-14))
 
-    sizes_there = np.linalg.svd(Phi(at), compute_uv=False)
-    lost = int(np.count_nonzero(sizes_there[:rank] < _VANISHED * sizes[:rank]))
+    values_there = np.linalg.svd(Phi(time), compute_uv=False)
+    lost = int(np.count_nonzero(values_there[:rank] < _VANISHED * values[:rank]))
     # Each lost rank changes the sign of the determinant once; another singular configuration would
     # change it too.
     sign_before, _ = np.linalg.slogdet(rows @ Phi(start) @ rates)
-    sign_behind, _ = np.linalg.slogdet(rows @ Phi(2 * at - start) @ rates)
+    sign_behind, _ = np.linalg.slogdet(rows @ Phi(2 * time - start) @ rates)
     if sign_before * sign_behind != (-1) ** lost:
         raise BranchError(f"{_UNDETERMINED}: another singular configuration is next to it")
     # The smallest singular value falls linearly unless branches are tangent to each other.
-    halfway = np.linalg.svd(Phi((start + at) / 2), compute_uv=False)[rank - 1] / sizes[rank - 1]
-    if not lost or not _HALFWAY[0] < halfway < _HALFWAY[1]:
+    values_halfway = np.linalg.svd(Phi((start + time) / 2), compute_uv=False)
+    part = values_halfway[rank - 1] / values[rank - 1]
+    if not lost or not _HALFWAY[0] < part < _HALFWAY[1]:
         raise BranchError(f"{_UNDETERMINED}: branches are tangent to each other there")
-    return Crossing(at, branch.q(at), rank, rank - lost)
+    return Crossing(time, branch.q(time), rank, rank - lost)
 
 
 def gauss_step(
@@ -161,13 +171,13 @@ def gauss_step(
     found by iteration from those of `guess`; after each iteration loops are closed.
     """
     nodes, _ = np.polynomial.legendre.leggauss(_STAGES)
-    x = (1 + nodes) / 2
-    upper = np.append(x, 1)[:, None]
+    x = (1 + nodes) / 2  # from (-1, 1) to (0, 1)
+    upper = np.append(x, 1)[:, None]  # upper limits of the integrals
     powers = np.arange(_STAGES)
     integrals_of_powers = upper ** (powers + 1) / (powers + 1)
     A = integrals_of_powers.dot(np.linalg.inv(x[:, None] ** powers))
     h = end - start
-    times = start + h * upper[:, 0]
+    times = start + h * upper[:, 0]  # of the stages and the end
     coordinates = space.coordinates
     states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
     nq = states.shape[1] - len(coordinates)

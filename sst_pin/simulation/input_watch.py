@@ -29,32 +29,32 @@ class InputWatch:
     than the tolerances of the integrator.
 
     Attributes:
-        missed: The first time at which no step was short enough; NaN if there is none.
+        missed_at: The first time at which no step was short enough, [s]; NaN if there is none.
     """
 
     def __init__(self, equations: StateEquations, times: Array, settings: Settings) -> None:
         self._settings = settings
         inputs = [equations.torque, equations.load]
-        self._active = any(x.callable for x in inputs if x is not None)
+        self._active = any(x.is_function for x in inputs if x is not None)
         spacings = np.diff(times)[:, None] / _SAMPLES
         # Samples are not at the output times, where many pushes begin and end.
         inner = times[:-1, None] + spacings * (np.arange(_SAMPLES) + 0.5)
         self._times = inner.ravel()
         self._shortest = _SHORTEST * float(spacings.min())
-        #: Until this time, steps are at most as long as `_longest`.
-        self._until = -np.inf
-        self._longest = np.inf
-        self.missed = np.nan
+        #: Steps that start before `_short_until` are at most as long as `_short`, [s].
+        self._short_until = -np.inf
+        self._short = np.inf
+        self.missed_at = np.nan
 
-    def longest(self, t: float) -> float:
-        """The longest step from a time."""
-        return self._longest if t < self._until else np.inf
+    def longest_step(self, t: float) -> float:
+        """The longest step from a time, [s]; infinite without a limit."""
+        return self._short if t < self._short_until else np.inf
 
     def shorten_if_missed(self, step: IntegratorStep) -> bool:
-        """Shorten `longest` if a step misses a change.
+        """Make the longest step shorter, until the end of a step, if this step misses a change.
 
         Returns:
-            Whether it misses one, so that it must be repeated.
+            Whether it misses one and must be repeated.
         """
         if not self._active:
             return False
@@ -63,17 +63,18 @@ class InputWatch:
             return False
         times = np.append(step.start, self._times[first:last])
         try:
-            missed = self._misses(times, step)
+            misses = self._misses(times, step)
         except (ClosureError, SingularConfigurationError):
             return False  # the step is repeated for another reason
-        if missed and step.length < self._shortest:
-            if np.isnan(self.missed):
-                self.missed = step.end
+        if not misses:
             return False
-        if missed:
-            self._until = step.end
-            self._longest = _SHORTER * step.length
-        return missed
+        if step.length < self._shortest:
+            if np.isnan(self.missed_at):
+                self.missed_at = step.end
+            return False
+        self._short_until = step.end
+        self._short = _SHORTER * step.length
+        return True
 
     def _misses(self, times: Array, step: IntegratorStep) -> bool:
         """Whether an input at times within a step differs from its values in the stages.
@@ -94,7 +95,8 @@ class InputWatch:
             return False
         aa = _accelerations(equations.space, states, tau, load, differs)
         expected = _accelerations(equations.space, states, expected_tau, expected_load, differs)
-        rates = states[:, -aa.shape[1] :]
+        n = len(equations.space.coordinates)
+        rates = states[:, -n:]
         settings = self._settings
         tolerance = settings.atol + settings.rtol * float(np.abs(rates).max())
         return bool(step.length * np.abs(aa - expected).max() > tolerance)
@@ -110,9 +112,12 @@ def _accelerations(
 
 
 def _within(values: Array, stages: list[Array]) -> Array:
-    """Values moved into the range of the first of them and of the stages, and half of it more."""
-    seen = np.array([values[0], *stages])
-    low = seen.min(axis=0)
-    high = seen.max(axis=0)
-    room = (high - low) / 2
-    return np.clip(values, low - room, high + room)
+    """Values clipped to the range of the stages, which is widened by half of it at both ends.
+
+    The first of the values counts as a stage.
+    """
+    all_stages = np.array([values[0], *stages])
+    low = all_stages.min(axis=0)
+    high = all_stages.max(axis=0)
+    margin = (high - low) / 2
+    return np.clip(values, low - margin, high + margin)

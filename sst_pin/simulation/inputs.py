@@ -44,12 +44,13 @@ Torque = (
 ExternalLoad = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 #: Wrenches on bodies or at frames: a function of (t, q, va), a constant, or none.
 WrenchLoad = Callable[[float, Array, Array], Wrenches] | Wrenches | None
-#: Computes q and the rates va of the robot's coordinates at a state of the integrator.
+#: Computes q and the rates va of the robot's coordinates at a state of the integrator. This closes
+#: the loops, which takes long, so that an input calls it only if it needs the state.
 RobotState = Callable[[], tuple[Array, Array]]
 
 #: A spline through fewer samples suffices if its error is at most this part of the largest torque.
 _SMOOTH = 1e-3
-#: So few samples are not made fewer.
+#: A subset of samples has at least half as many as this.
 _FEW_SAMPLES = 12
 
 
@@ -57,14 +58,14 @@ class Input(ABC):
     """A torque or load that acts on a robot in motion.
 
     Attributes:
-        sampling: The state of a `SampledTorque`; None for other inputs.
+        sampling: The calls of a `SampledTorque`; None for other inputs.
         times: Times, shape (N,), or None. A step that passes two of them may miss a change.
-        callable: Whether it is a function of the user, which can change at any time.
+        is_function: Whether it is a function of the user, which can change at any time.
     """
 
     sampling: Sampling | None = None
     times: Array | None = None
-    callable: bool = False
+    is_function: bool = False
 
     @abstractmethod
     def at(self, t: float, state: RobotState) -> Array:
@@ -93,7 +94,7 @@ class ConstantInput(Input):
 class FunctionInput(Input):
     """A function (t, q, va) of the user; errors call it by its argument's name."""
 
-    callable = True
+    is_function = True
 
     def __init__(
         self,
@@ -119,6 +120,22 @@ class FunctionInput(Input):
     def along(self, t: Array, q: Array, va: Array) -> Array:
         """The results of a call for each sample."""
         return np.array([self._call(*sample) for sample in zip(t, q, va, strict=True)])
+
+
+def _times_of_changes(times: Array, torques: Array) -> Array:
+    """Times of the coarsest regular subset of samples whose spline reproduces all of them.
+
+    A step that passes fewer than two of these times misses no change of the torques.
+    """
+    largest_error = _SMOOTH * np.abs(torques).max(initial=0.0)
+    chosen = times
+    while len(chosen) > _FEW_SAMPLES:
+        fewer = np.append(chosen[:-1:2], chosen[-1])
+        curve = spline(fewer, torques[np.searchsorted(times, fewer)])
+        if np.abs(curve(times) - torques).max() > largest_error:
+            break
+        chosen = fewer
+    return chosen
 
 
 class SplineInput(Input):
@@ -164,8 +181,11 @@ class SampledInput(Input):
         return np.broadcast_to(now, (len(t), *now.shape))
 
 
-def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: bool) -> Input:
-    """The motor torques; with `watch`, for a function, no integrator step passes two of `times`."""
+def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, by_spacing: bool) -> Input:
+    """The motor torques of a simulation with these output times.
+
+    If they are a function, `by_spacing` says that no step of the integrator passes two of `times`.
+    """
     motors = len(mechanism.motor_names)
     if isinstance(torque, Trajectory):
         return _torques_of_motion(mechanism, torque, times)
@@ -178,7 +198,8 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: b
         problem = f"{type(controller).__name__} depends on the calls before, so it is sampled only"
         raise InputError("torque", f"{problem}; pass SampledTorque(controller, period)")
     if callable(function_or_values):
-        return FunctionInput("torque", function_or_values, (motors,), times if watch else None)
+        step_times = times if by_spacing else None
+        return FunctionInput("torque", function_or_values, (motors,), step_times)
     if as_array("torque", function_or_values, ()).ndim == 2:
         samples = single_array("torque", function_or_values, (len(times), motors))
         return SplineInput(times, samples)
@@ -203,14 +224,19 @@ def load_input(
     external_wrenches: WrenchLoad,
     times: Array,
     *,
-    watch: bool,
+    by_spacing: bool,
 ) -> Input | None:
-    """Both loads as wrenches on all bodies; None without a load. `watch` is that of torques."""
+    """Both loads as wrenches on all bodies; None without a load.
+
+    `by_spacing` is the same as in `torque_input`.
+    """
     shape = engine.mechanism.model.njoints - 1, 6
-    at_frames = isinstance(external_wrenches, Mapping)  # arms of their wrenches turn with bodies
-    if callable(platform_moment) or callable(external_wrenches) or at_frames:
+    # Moments of wrenches at frames, about the mass centres, change with q.
+    depends_on_q = isinstance(external_wrenches, Mapping)
+    if callable(platform_moment) or callable(external_wrenches) or depends_on_q:
         load = _load_function(engine, platform_moment, external_wrenches)
-        return FunctionInput("external_wrenches", load, shape, times if watch else None)
+        step_times = times if by_spacing else None
+        return FunctionInput("external_wrenches", load, shape, step_times)
     constant = engine.arguments.wrenches(platform_moment, external_wrenches, "raise")
     if constant is None:
         return None
@@ -240,19 +266,3 @@ def _load_function(
         return engine.arguments.wrenches(moment, wrenches, "raise", q)
 
     return load
-
-
-def _times_of_changes(times: Array, torques: Array) -> Array:
-    """Times of the coarsest regular subset of samples whose spline reproduces all of them.
-
-    A step that passes fewer than two of these times misses no change of the torques.
-    """
-    largest_error = _SMOOTH * np.abs(torques).max(initial=0.0)
-    chosen = times
-    while len(chosen) > _FEW_SAMPLES:
-        fewer = np.append(chosen[:-1:2], chosen[-1])
-        curve = spline(fewer, torques[np.searchsorted(times, fewer)])
-        if np.abs(curve(times) - torques).max() > largest_error:
-            break
-        chosen = fewer
-    return chosen

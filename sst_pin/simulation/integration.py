@@ -143,8 +143,8 @@ class Integration:
         sampling = self._equations.torque.sampling
         if sampling is None:
             return np.inf
-        sampling.reach(state.t, partial(self._equations_at(state).robot_state, state.y))
-        return sampling.until(self._times)
+        sampling.go_on(state.t, partial(self._equations_at(state).robot_state, state.y))
+        return sampling.next_change(self._times)
 
     def _advance(self, state: MotionState) -> MotionState:
         """Integrate until torques change, a step over a singular configuration starts, or the end.

@@ -23,7 +23,7 @@ class IntegratorStep:
         end: Time of its end, [s].
         y: State at its end, shape (nq + n,).
         equations: The equations of y.
-        stages: Torques and loads with which the integrator has computed it.
+        stages: Torques and loads at the times at which the integrator has evaluated the equations.
         solver: The integrator, which has not yet made another step.
     """
 

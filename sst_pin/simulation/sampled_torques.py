@@ -69,7 +69,8 @@ class SampledTorque:
         self.function = calls
         self.period = positive_number("period", period)
         self.delay = positive_number("delay", delay, or_zero=True)
-        self._loop: Sampling | None = None
+        # Of `torque`: its calls so far, and the time of the last one.
+        self._sampling: Sampling | None = None
         self._last = -np.inf
 
     def torque(self, t: float, q: Array, va: Array) -> Array:
@@ -84,14 +85,14 @@ class SampledTorque:
             InputError: If time decreases, or the function returns numbers that are not finite.
         """
         t = float(single_array("t", t, ()))
-        if self._loop is None:
-            self._loop = Sampling(self, t)
+        if self._sampling is None:
+            self._sampling = Sampling(self, t)
         if t < self._last:
             problem = f"{t:g} s after {self._last:g} s; make a new SampledTorque for a new motion"
             raise InputError("t", problem)
         self._last = t
-        self._loop.reach(t, lambda: (q, va))
-        return self._loop.now
+        self._sampling.go_on(t, lambda: (q, va))
+        return self._sampling.now
 
 
 def require_distinct(period: float, times: Array) -> None:
@@ -116,13 +117,16 @@ class Sampling:
         self._start = start
         #: The next k.
         self._next_period = 0
-        #: Torques that will act, in the order of their times.
+        #: Torques that will act, with the times from which they do, in the order of these times.
         self._waiting = deque[tuple[float, Array]]()
         self._motors = motors
         self.now = np.zeros(motors or 0)
 
-    def until(self, times: Array) -> float:
-        """When the torques change or the function is called next; one of `times` if it is close."""
+    def next_change(self, times: Array) -> float:
+        """When the torques change or the function is called next, [s].
+
+        It is one of the output `times` if one is so near that only rounding can be between them.
+        """
         period = self._torque.period
         due = self._start + self._next_period * period
         if self._waiting:
@@ -130,7 +134,7 @@ class Sampling:
         nearest = float(times[np.abs(times - due).argmin()])
         return nearest if abs(nearest - due) < _SAME / 2 * period else due
 
-    def reach(self, t: float, state: Callable[[], tuple[Array, Array]]) -> None:
+    def go_on(self, t: float, state: Callable[[], tuple[Array, Array]]) -> None:
         """Call the function and change the torques if this is due; `state` computes q and va."""
         period = self._torque.period
         present_period = floor((t - self._start) / period + _SAME)

@@ -49,15 +49,18 @@ def simulate(
         raise InputError("through_singularities", "not with sampled torques, which are not smooth")
     space = engine.state_space(sign_width)
     start = _start(engine, space, q0, va0, settings.max_condition_number)
-    watch = settings.max_step is None
-    load = load_input(engine, platform_moment, external_wrenches, times, watch=watch)
-    torques = torque_input(mechanism, torque, times, watch=watch)
+    # By default, a step is at most the spacing of t where a torque or load is a function.
+    by_spacing = settings.max_step is None
+    load = load_input(engine, platform_moment, external_wrenches, times, by_spacing=by_spacing)
+    torques = torque_input(mechanism, torque, times, by_spacing=by_spacing)
     equations = StateEquations(space, torques, load)
     # The derivatives of a load function and of rolling wheels are not computed.
-    load_is_constant = load is None or not load.callable
+    load_is_constant = load is None or not load.is_function
     rolls = any(isinstance(closure, Rolling) for closure in mechanism.closures)
     exact = sign_width > 0 and load_is_constant and not rolls
-    hint = _HINT if engine.make_kernels is None else ""
+    hint = ""
+    if engine.make_kernels is None:
+        hint = _HINT
     duration = float(times[-1] - times[0])
     with closing(Bar(hint, desc="simulating", total=duration, bar_format=_BAR)) as bar:
         if settings.progress is None:
@@ -83,20 +86,22 @@ def simulate(
 def _start(
     engine: Engine, space: StateSpace, q0: ArrayLike, va0: ArrayLike, max_condition_number: float
 ) -> Array:
-    """The first state; errors name the arguments."""
+    """The first state (q, va), shape (nq + n,); errors name the arguments."""
     mechanism = engine.mechanism
     n = len(mechanism.coordinates)
     q = single_array("q0", q0, (mechanism.model.nq,))
     va = single_array("va0", va0, (n,))
-    condition = np.inf
+    at_rest = not va.any()
     try:
-        engine.joint_rates(q, np.zeros(n))  # refuses open loops, bad coordinates
+        engine.joint_rates(q, np.zeros(n))  # refuses open loops, and singular coordinates
         condition = space.condition_number(q)
     except SingularConfigurationError:
-        if va.any():  # rates of dependent coordinates do not determine the motion
+        if not at_rest:  # the rates of these coordinates do not determine the motion
             raise
-    if not condition < max_condition_number and not va.any():
-        _, condition = space.in_good_coordinates(q)  # other coordinates have the rate 0 too
+        condition = np.inf
+    if at_rest and not condition < max_condition_number:
+        # The rates of other coordinates are zero too, so the motion can start in them.
+        _, condition = space.in_good_coordinates(q)
     if not condition < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     return np.concatenate([q, va])

@@ -97,9 +97,6 @@ class SingularityCrossing:
     def begin_approach(self, state: MotionState, t: float, q: Array) -> MotionState | None:
         """Begin to approach a singular configuration that is ahead of q at time t.
 
-        The smallest singular value of Phi falls from a at `state` to b at q. If it goes on so, it
-        is zero at the time (t - state.t) b / (a - b) after t.
-
         Args:
             state: The last state before t.
             t: Time, [s].
@@ -110,17 +107,36 @@ class SingularityCrossing:
             is None, and nothing is changed, if no singular configuration of the mechanism is ahead,
             or if no step can lead over it.
         """
-        space = state.space
         if not self._active or self.approach is not None:
             return None
-        if space.in_good_coordinates(q)[0] is not space:
+        approach = self._approach_of(state, t, q)
+        if approach is None:
+            return None
+        self._noticed = t
+        # The last state before the start of the step; the oldest state if all are later.
+        while len(self._past) > 1 and self._past[-1].t > approach.start:
+            self._past.pop()
+        earlier = self._past[-1].in_coordinates_of(state.space)
+        start = max(approach.start, earlier.t)
+        self.approach = Approach(start, approach.singular)
+        return earlier
+
+    def _approach_of(self, state: MotionState, t: float, q: Array) -> Approach | None:
+        """The singular configuration ahead of q at time t; None if no step can lead over it.
+
+        The smallest singular value of Phi falls from a at `state` to b at q. If it goes on so, it
+        is zero at the time (t - state.t) b / (a - b) after t.
+        """
+        space = state.space
+        good_space, _ = space.in_good_coordinates(q)
+        if good_space is not space:
             return None  # only the dependent columns of Phi are singular
         a = _smallest_singular_value(space, state.q)
         b = _smallest_singular_value(space, q)
         if not b < a:
             return None  # the motion does not come nearer to a singular configuration
         if t <= self._noticed:
-            return None  # it was noticed before, and the step over it failed
+            return None  # it was noticed before, and no step led over it
         remaining = (t - state.t) * b / (a - b)
         singular = t + remaining
         # The step is as long behind the singular configuration as before it. It must end before the
@@ -128,14 +144,7 @@ class SingularityCrossing:
         half_step = min(EARLIER * remaining, (self._end - singular) / 2)
         if half_step < remaining / EARLIER:
             return None  # too near to the end of the motion for a step over it
-        self._noticed = t
-        # The last state before the start of the step; the oldest state if all are later.
-        while len(self._past) > 1 and self._past[-1].t > singular - half_step:
-            self._past.pop()
-        earlier = self._past[-1].in_coordinates_of(space)
-        start = max(singular - half_step, earlier.t)
-        self.approach = Approach(start, singular)
-        return earlier
+        return Approach(singular - half_step, singular)
 
     def cross(
         self, equations: StateEquations, state: MotionState
@@ -170,8 +179,8 @@ class SingularityCrossing:
     ) -> tuple[Crossing, Branch, MotionState]:
         """The singular configuration, the motion through it, and the state behind it.
 
-        The step is repeated until its middle is at the singular configuration: where this is,
-        becomes known better with each step.
+        The step is repeated until its middle is at the singular configuration, because each step
+        shows better where this is.
 
         Raises:
             BranchError: If the branch is not determined, or does not continue the motion.

@@ -26,7 +26,8 @@ class MotionState(NamedTuple):
 
     Attributes:
         t: Time, [s].
-        space: The state space of y; it says which coordinates the rates belong to.
+        space: The state space of y. The rates in y are those of its `coordinates`, which are
+            indices in v.
         q: Configuration with closed loops, shape (nq,).
         y: State of the integrator: the configuration, whose loops an integration closes only
             nearly, and the rates of the coordinates; shape (nq + n,).
@@ -69,8 +70,8 @@ class Samples(NamedTuple):
 class StateEquations:
     """y' = f(t, y) with y = (q, rates of the coordinates of `space`).
 
-    Torques and loads are functions of the robot's coordinates. The rates in y belong to other
-    coordinates while those of the robot do not determine the motion well.
+    Torques and loads are functions of q and of the rates of the robot's coordinates. The rates in y
+    belong to other coordinates while those of the robot do not determine the motion well.
 
     Args:
         robot_space: The state space with the robot's coordinates.
@@ -112,7 +113,7 @@ class StateEquations:
         )
 
     def robot_state(self, state: Array) -> tuple[Array, Array]:
-        """q with closed loops, and the rates of the robot's coordinates."""
+        """q with closed loops, and the rates of the robot's coordinates, of one state."""
         q = self.space.closed(state)
         rates = state[len(q) :]
         if self.space is self.robot_space:
@@ -146,9 +147,10 @@ class StateEquations:
     def jacobian(self, time: float, state: Array) -> Array:
         """Derivatives of f by y, shape (nq + n, nq + n).
 
-        Derivatives of a torque function are computed by differences. The load must not depend on
-        the state: its derivatives are left out. At a trial state where loops cannot be closed there
-        are no derivatives; the last ones are returned.
+        With f(y, tau(y)) they are df/dy + df/dtau dtau/dy. The derivatives of a torque function are
+        computed by differences. The load must not depend on the state: its derivatives are left
+        out. At a trial state where loops cannot be closed there are no derivatives; the last ones
+        are returned.
         """
         if self._last_jacobian is None:
             self._last_jacobian = np.zeros((len(state), len(state)))
@@ -159,8 +161,8 @@ class StateEquations:
             by_state, by_tau = self.space.derivatives(state, tau, load)
             steps = _DIFFERENCE * np.maximum(1, np.abs(state))
             neighbours = state + np.diag(steps)
-            ahead = [self.torque.at(time, partial(self.robot_state, y)) for y in neighbours]
-            tau_by_state = ((ahead - tau) / steps[:, None]).T
+            tau_ahead = [self.torque.at(time, partial(self.robot_state, y)) for y in neighbours]
+            tau_by_state = ((tau_ahead - tau) / steps[:, None]).T
             self._last_jacobian = by_state + by_tau.dot(tau_by_state)
         except InputError:
             raise
@@ -181,18 +183,19 @@ class StateEquations:
     def inputs_along(self, times: Array, states: Array) -> tuple[Array, Array | None]:
         """Torques, shape (N, motors), and loads, (N, r, 6), at times and states."""
         q, va = self._robot_states(states)
-        return self._inputs_along(times, q, va)
+        return self._inputs_at(times, q, va)
 
     def samples_along(self, times: Array, states: Array) -> Samples:
         """Samples of the motion at times and states."""
         q, va = self._robot_states(states)
-        tau, load = self._inputs_along(times, q, va)
+        tau, load = self._inputs_at(times, q, va)
         nq = q.shape[1]
         accelerations = self.space.rate(states, tau, load)[:, nq:]
         if self.space is self.robot_space:
             return Samples(q, va, accelerations, tau)
-        samples = zip(q, states[:, nq:], accelerations, strict=True)
-        v_dot = [self.space.joint_motion(*sample)[1] for sample in samples]
+        v_dot = []
+        for q_k, rates, acceleration in zip(q, states[:, nq:], accelerations, strict=True):
+            v_dot.append(self.space.joint_motion(q_k, rates, acceleration)[1])
         aa = np.array(v_dot)[:, self.robot_space.coordinates]
         return Samples(q, va, aa, tau)
 
@@ -202,10 +205,10 @@ class StateEquations:
         rates = states[:, q.shape[1] :]
         if self.space is self.robot_space:
             return q, rates
-        v = [self.space.joint_rates(*sample) for sample in zip(q, rates, strict=True)]
+        v = [self.space.joint_rates(q_k, rate) for q_k, rate in zip(q, rates, strict=True)]
         return q, np.array(v)[:, self.robot_space.coordinates]
 
-    def _inputs_along(self, times: Array, q: Array, va: Array) -> tuple[Array, Array | None]:
-        """Torques and loads at times and states in the robot's coordinates."""
+    def _inputs_at(self, times: Array, q: Array, va: Array) -> tuple[Array, Array | None]:
+        """Torques and loads at times, for q (N, nq) and rates va of the robot's coordinates."""
         load = None if self.load is None else self.load.along(times, q, va)
         return self.torque.along(times, q, va), load

@@ -59,11 +59,12 @@ class StepControl:
     @property
     def missed(self) -> str:
         """Where no step was short enough for a torque or load; empty if there is no such place."""
-        if np.isnan(self._watch.missed):
+        t = self._watch.missed_at
+        if np.isnan(t):
             return ""
         return (
-            f"a torque or load function changes too fast at t = {self._watch.missed:.9g} s: the "
-            "motion has missed a part of it"
+            f"a torque or load function changes too fast at t = {t:.9g} s: the motion has missed a "
+            "part of it"
         )
 
     @property
@@ -108,9 +109,13 @@ class StepControl:
             raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
         # Rejected trials come before the accepted one, so the last evaluations are its stages.
         count = getattr(solver, "n_stages", _IMPLICIT_STAGES)
-        stages = list(equations.evaluations)[-count:]
         return IntegratorStep(
-            float(solver.t_old), float(solver.t), solver.y, equations, stages, solver
+            start=float(solver.t_old),
+            end=float(solver.t),
+            y=solver.y,
+            equations=equations,
+            stages=list(equations.evaluations)[-count:],
+            solver=solver,
         )
 
     def shorten_if_input_missed(self, step: IntegratorStep) -> bool:
@@ -121,7 +126,7 @@ class StepControl:
         """
         if not self._watch.shorten_if_missed(step):
             return False
-        self._first_length = min(self._first_length, self._watch.longest(step.start))
+        self._first_length = min(self._first_length, self._watch.longest_step(step.start))
         return True
 
     def remember_length(self, step: IntegratorStep, *, torques_change_at_end: bool) -> None:
@@ -145,7 +150,7 @@ class StepControl:
         A step may pass one of the times of an input, not two, and is not longer than the interval
         in which it starts.
         """
-        longest = min(self._settings.max_step or np.inf, self._watch.longest(t))
+        longest = min(self._settings.max_step or np.inf, self._watch.longest_step(t))
         for times in self._input_times:
             # The next time after t has the index k >= 1, because times[0] <= t < times[-1].
             k = min(int(times.searchsorted(t, "right")), len(times) - 1)
