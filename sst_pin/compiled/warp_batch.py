@@ -291,7 +291,7 @@ class WarpBatch:
         model = self._mechanism.model
         n = self._n
         motors = self._mechanism.motor_count
-        points, ropes, cables, _, dry = self._rows.parts
+        parts = self._rows.parts
         return {
             "q": (model.nq,),
             "tau": (motors,),
@@ -303,12 +303,12 @@ class WarpBatch:
             "torque_derivatives": (n, 3 * n),
             "acceleration_derivatives": (n, 2 * n + motors),
             "motor_positions": (motors,),
-            "contact_forces": ((points.stop - points.start) // 3, 3),
-            "tensions": (cables.stop - ropes.start,),
+            "contact_forces": (len(self._mechanism.contacts.points), 3),
+            "tensions": (parts.cables.stop - parts.ropes.start,),
             "joint_forces": (model.nv,),
             "line_friction": (len(self._rows.dry_lines),),
             "residual": (),
-            "impulses": (dry.stop,),
+            "impulses": (self._rows.count,),
         }.get(name, (n,))
 
     def _run(

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the rows of a nonsmooth step are: contacts, ropes, cables, stops and dry friction."""
+"""What the rows of a nonsmooth step are: contacts, ropes, cables, stops and dry friction.
+
+Each row has an impulse in a step; `impulses` computes them. A contact has three rows, along x, y
+and z of its ground; the last one is its normal row.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +36,17 @@ class Stop(NamedTuple):
     limit: float
 
 
+class Parts(NamedTuple):
+    """Which rows belong to what, in this order."""
+
+    contacts: slice
+    ropes: slice
+    cables: slice
+    stops: slice
+    dry_joints: slice
+    dry_lines: slice
+
+
 class MotorGains(NamedTuple):
     """Gains of position control in the motors, shapes (motors,)."""
 
@@ -56,36 +70,39 @@ def _gains(name: str, value: ArrayLike | None, motors: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NonsmoothRows:
-    """The rows of one mechanism: contacts, ropes, cables, stops, dry joints, dry lines, in order.
-
-    A contact has three rows, along x, y and z of its ground.
-    """
+    """The rows of one mechanism, in the order of `Parts`."""
 
     mechanism: Mechanism
     gains: MotorGains
 
     def __post_init__(self) -> None:
+        has_gains = (self.gains.stiffness + self.gains.damping) > 0
+        for motor in np.flatnonzero(has_gains).tolist():
+            self._require_cable_alone(motor)
+        for motor in np.flatnonzero(self.gains.stiffness).tolist():
+            self._require_position(motor)
+
+    def _require_cable_alone(self, motor: int) -> None:
+        """Refuse gains of a motor that pulls a cable and acts on anything else."""
         mechanism = self.mechanism
-        acting = (self.gains.stiffness + self.gains.damping) > 0
-        for k in np.flatnonzero(acting):
-            on_cables = mechanism.lines.actuation[self.cables, k]
-            on_others = np.delete(mechanism.lines.actuation[:, k], self.cables)
-            if on_cables.any() and (
-                np.count_nonzero(on_cables) > 1
-                or on_others.any()
-                or mechanism.actuation[:, k].any()
-            ):
-                name = mechanism.motor_names[k]
-                problem = f"motor {name} pulls a cable and acts on other joints or lines; "
-                raise InputError("motor_stiffness", problem + "give it its forces as tau")
-        for k in np.flatnonzero(self.gains.stiffness):
-            rates = np.setdiff1d(
-                np.flatnonzero(mechanism.actuation[:, k]), mechanism.possible_springs
-            )
-            if len(rates):
-                name = mechanism.motor_names[k]
-                problem = f"motor {name} drives {mechanism.space.rate_names[rates[0]]}, which has "
-                raise InputError("motor_stiffness", problem + "no position; give it damping only")
+        on_cables = mechanism.lines.actuation[self.cables, motor]
+        on_others = np.delete(mechanism.lines.actuation[:, motor], self.cables)
+        acts_on_others = on_others.any() or mechanism.actuation[:, motor].any()
+        if on_cables.any() and (np.count_nonzero(on_cables) > 1 or acts_on_others):
+            name = mechanism.motor_names[motor]
+            problem = f"motor {name} pulls a cable and acts on other joints or lines; "
+            raise InputError("motor_stiffness", problem + "give it its forces as tau")
+
+    def _require_position(self, motor: int) -> None:
+        """Refuse stiffness of a motor that drives a rate without a position."""
+        mechanism = self.mechanism
+        rates = np.flatnonzero(mechanism.actuation[:, motor])
+        without_position = np.setdiff1d(rates, mechanism.possible_springs)
+        if len(without_position):
+            name = mechanism.motor_names[motor]
+            rate = mechanism.space.rate_names[without_position[0]]
+            problem = f"motor {name} drives {rate}, which has no position; give it damping only"
+            raise InputError("motor_stiffness", problem)
 
     @cached_property
     def cables(self) -> Indices:
@@ -98,7 +115,9 @@ class NonsmoothRows:
         model = self.mechanism.model
         stops = list[Stop]()
         for joint in list(model.joints)[1:]:
-            for k in range(joint.nv if joint.nq == joint.nv else 0):
+            if joint.nq != joint.nv:
+                continue
+            for k in range(joint.nv):
                 at = joint.idx_q + k
                 low = model.lowerPositionLimit[at]
                 high = model.upperPositionLimit[at]
@@ -125,29 +144,55 @@ class NonsmoothRows:
         return np.concatenate([on_joints, on_lines])
 
     @cached_property
-    def parts(self) -> tuple[slice, slice, slice, slice, slice]:
-        """Where the rows of contacts, ropes, cables, stops and dry friction are."""
+    def parts(self) -> Parts:
+        """Which rows belong to what."""
         contacts = self.mechanism.contacts
-        sizes = 3 * len(contacts.points), len(contacts.ropes), len(self.cables)
-        ends = np.cumsum([0, *sizes, len(self.stops), len(self.dry_friction)]).tolist()
-        a, b, c, d, e = (slice(*pair) for pair in pairwise(ends))
-        return a, b, c, d, e
+        slices = []
+        start = 0
+        for size in (
+            3 * len(contacts.points),
+            len(contacts.ropes),
+            len(self.cables),
+            len(self.stops),
+            len(self.dry_rates),
+            len(self.dry_lines),
+        ):
+            slices.append(slice(start, start + size))
+            start += size
+        return Parts(*slices)
+
+    @property
+    def count(self) -> int:
+        """Number m of the rows."""
+        return int(self.parts.dry_lines.stop)
+
+    @property
+    def normals(self) -> slice:
+        """The normal rows of the contacts."""
+        return slice(2, self.parts.contacts.stop, 3)
+
+    @property
+    def dry(self) -> slice:
+        """The rows of dry friction, of joints, then of lines."""
+        return slice(self.parts.dry_joints.start, self.parts.dry_lines.stop)
 
     @cached_property
     def kinds(self) -> Indices:
-        """Kinds of the rows, see `impulses`."""
-        points, _, _, _, dry = self.parts
-        kinds = np.full(dry.stop, STOP)
-        kinds[points], kinds[dry] = SIDE, DRY
-        kinds[2 : points.stop : 3] = NORMAL
+        """Kinds of the rows, see `impulses`, shape (m,)."""
+        kinds = np.full(self.count, STOP)  # of ropes, cables and stops
+        kinds[self.parts.contacts] = SIDE
+        kinds[self.normals] = NORMAL
+        kinds[self.dry] = DRY
         return kinds
 
     def bounds(self, h: float) -> Array:
-        """Coefficients of friction, and the largest impulses of dry friction in a step."""
-        points, _, _, _, dry = self.parts
-        bounds = np.zeros(dry.stop)
-        bounds[2 : points.stop : 3] = [x.friction for x in self.mechanism.contacts.points]
-        bounds[dry] = h * self.dry_friction
+        """Friction coefficients of normal rows, and largest impulses of dry friction in a step h.
+
+        Shape (m,); zero for the other rows.
+        """
+        bounds = np.zeros(self.count)
+        bounds[self.normals] = [x.friction for x in self.mechanism.contacts.points]
+        bounds[self.dry] = h * self.dry_friction
         return bounds
 
     @cached_property
@@ -157,7 +202,10 @@ class NonsmoothRows:
 
     @cached_property
     def least_gaps(self) -> Array:
-        """The least gaps of contacts, ropes and stops that a motion can start with."""
+        """The least gaps of contacts, ropes and stops that a motion can start with, in this order.
+
+        They are negative, in the unit of the gap: metres, or radians for stops of rotations.
+        """
         mechanism = self.mechanism
         of_lengths = len(mechanism.contacts.points) + len(mechanism.contacts.ropes)
         units = [mechanism.length] * of_lengths
@@ -177,9 +225,9 @@ class NonsmoothRows:
     @cached_property
     def on_joints(self) -> Array:
         """Which impulses of stops and dry joints act on which rates, 1 or -1, shape (m, nv)."""
-        _, _, _, stops, dry = self.parts
-        matrix = np.zeros((dry.stop, self.mechanism.model.nv))
-        for k, stop in enumerate(self.stops, stops.start):
-            matrix[k, stop.rate] = stop.side
-        matrix[range(dry.start, dry.start + len(self.dry_rates)), self.dry_rates] = 1
+        matrix = np.zeros((self.count, self.mechanism.model.nv))
+        for row, stop in enumerate(self.stops, self.parts.stops.start):
+            matrix[row, stop.rate] = stop.side
+        for row, rate in enumerate(self.dry_rates, self.parts.dry_joints.start):
+            matrix[row, rate] = 1
         return matrix

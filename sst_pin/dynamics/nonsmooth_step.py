@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Flags
 from ..loops.loops import Loops
 from ..model.closures import Distance
 from ..model.thresholds import LEAST_LENGTH
@@ -99,6 +99,61 @@ class NonsmoothArrays(NamedTuple):
         )
 
 
+class _Beginning(NamedTuple):
+    """The robot at the beginning of a step.
+
+    Attributes:
+        q: Configuration, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
+        v: Rates of all joints, shape (nv,).
+        L: Joint orthogonal complement, v = L va, shape (nv, n).
+        M: Mass matrix of the tree, shape (nv, nv).
+        force: Forces of weights and rates on the tree, shape (nv,).
+        gaps: Gaps of the contacts, shape (contacts,), [m].
+        J_contacts: Rates of their points in the axes of their grounds, shape (3 contacts, nv).
+        slack: What is left of the ropes' lengths, shape (ropes,), [m].
+        J_ropes: Its rates, shape (ropes, nv).
+        lengths: Lengths of the lines, shape (lines,), [m].
+        J_lines: Their rates, shape (lines, nv).
+    """
+
+    q: Array
+    va: Array
+    v: Array
+    L: Array
+    M: Array
+    force: Array
+    gaps: Array
+    J_contacts: Array
+    slack: Array
+    J_ropes: Array
+    lengths: Array
+    J_lines: Array
+
+
+class _Cables(NamedTuple):
+    """The lines that only pull, with the gains of motors on them.
+
+    The tension of a cable is that at the beginning plus stiffness times the change of its length
+    plus damping times its rate; it has a row, because it is never negative. A cable without
+    stiffness and damping has a constant tension, and no impulse of a row.
+
+    Attributes:
+        tensions: Tensions at the beginning without dampers, shape (cables,), negative if the spring
+            pushes.
+        stiffness: Shape (cables,).
+        damping: Shape (cables,).
+        constant: Which of them have a constant tension, shape (cables,).
+        constant_pulls: These tensions, and zero for other cables, shape (cables,).
+    """
+
+    tensions: Array
+    stiffness: Array
+    damping: Array
+    constant: Flags
+    constant_pulls: Array
+
+
 class NonsmoothStep:
     """Steps of one mechanism; one object per thread."""
 
@@ -111,7 +166,10 @@ class NonsmoothStep:
             (frame_id(model, x.frame), frame_id(model, x.ground), x.radius)
             for x in self._mechanism.contacts.points
         ]
-        self._lengths = np.array([rope.length for rope in self._mechanism.contacts.ropes])
+        self._rope_lengths = np.array([rope.length for rope in self._mechanism.contacts.ropes])
+        #: Indices of the lines that pull and push.
+        lines = np.arange(len(self._mechanism.lines.forces))
+        self._rods = np.setdiff1d(lines, rows.cables)
 
     @cached_property
     def _ropes(self) -> Loops:
@@ -123,83 +181,142 @@ class NonsmoothStep:
     def gaps(self, q: Array) -> Array:
         """Gaps of contacts, ropes and stops at a closed configuration; negative if violated."""
         self._context.evaluate(q)
-        return np.concatenate([self._contacts()[0], self._slack(q)[0], self._rows.stop_gaps(q)])
+        gaps, _ = self._contacts()
+        slack, _ = self._slack(q)
+        return np.concatenate([gaps, slack, self._rows.stop_gaps(q)])
 
     def step(self, q: Array, va: Array, forces: Forces, h: float, start: Array) -> Step:
         """The end of a step of length h; `start` are impulses near the solution, shape (m,)."""
-        context = self._context
         mechanism = self._mechanism
-        rows = self._rows
+        begin = self._beginning(q, va)
+        positions = self._rows.motor_positions(q, begin.lengths)
+        tau = forces.tau - self._rows.gains.stiffness * (positions - forces.positions)
+        tensions = self._tensions(begin, tau)
+        cables = self._cables(tensions)
+
+        # The free rates solve left free = right.
+        force = self._forces(begin, tau, tensions, cables, forces.wrenches)
+        inertia = begin.L.T @ begin.M @ begin.L
+        left = inertia + self._implicit(begin, h)
+        right = inertia @ va + h * (begin.L.T @ force)
+        free = np.linalg.solve(left, right)
+
+        after, x, residual = impulses(left, free, self._impulse_rows(begin, cables, free, h), start)
+        x[self._rows.parts.cables] += h * cables.constant_pulls
+        v = begin.L @ after
+        ahead = mechanism.space.normalised(q + h * mechanism.space.coordinate_rates(q, v))
+        end = self._context.without_slip.assemble(ahead, mechanism.dependent)
+        return Step(end, after, v, x, residual)
+
+    def _beginning(self, q: Array, va: Array) -> _Beginning:
+        """All that a step needs of the state (q, va)."""
+        context = self._context
         v, bias = context.complement.motion(q, va, context.steady)
-        L = context.complement.L
         M = context.tree_inertia()
         force = -context.tree_forces(v, bias)
-        gaps, of_points = self._contacts()
-        slack, of_ropes = self._slack(q)
-        lengths, of_lines = context.lines.evaluate(q)
+        gaps, J_contacts = self._contacts()
+        slack, J_ropes = self._slack(q)
+        lengths, J_lines = context.lines.evaluate(q)
+        return _Beginning(
+            q=q,
+            va=va,
+            v=v,
+            L=context.complement.L,
+            M=M,
+            force=force,
+            gaps=gaps,
+            J_contacts=J_contacts,
+            slack=slack,
+            J_ropes=J_ropes,
+            lengths=lengths,
+            J_lines=J_lines,
+        )
 
-        # Linear elements: rows on the rates of the tree, their stiffness and damping.
-        stiffness = mechanism.lines.stiffness
-        damping = mechanism.lines.damping
-        cables = rows.cables
-        positions = rows.motor_positions(q, lengths)
-        tau = forces.tau - rows.gains.stiffness * (positions - forces.positions)
-        on_lines = mechanism.lines.actuation
-        springs = stiffness * (lengths - mechanism.lines.rest_lengths)
-        tensions = mechanism.lines.preload + springs - on_lines @ tau
-        squares = on_lines[cables] ** 2
-        cable_stiffness = stiffness[cables] + squares @ rows.gains.stiffness
-        cable_damping = damping[cables] + squares @ rows.gains.damping
-        others = np.setdiff1d(np.arange(len(lengths)), cables)
-        of_motors = mechanism.actuation.T + on_lines[others].T @ of_lines[others]
-        linear = np.concatenate([np.eye(len(v)), of_lines[others], of_motors])
-        stiffnesses = mechanism.springs.stiffness, stiffness[others], rows.gains.stiffness
-        dampings = mechanism.friction.viscous, damping[others], rows.gains.damping
-        factors = h * np.concatenate(dampings) + h**2 * np.concatenate(stiffnesses)
+    def _tensions(self, begin: _Beginning, tau: Array) -> Array:
+        """Tensions of all lines with motors, without dampers, shape (lines,)."""
+        lines = self._mechanism.lines
+        springs = lines.stiffness * (begin.lengths - lines.rest_lengths)
+        return np.asarray(lines.preload + springs - lines.actuation @ tau)
 
-        force = force + mechanism.actuation @ tau - tensions[others] @ of_lines[others]
-        force = force + mechanism.springs.forces(mechanism.model, q)
-        if forces.wrenches is not None:
-            force = force + forces.wrenches.ravel() @ body_jacobians(context.loops)
-        # A cable of constant tension has no row.
-        constant = cable_stiffness + cable_damping == 0
+    def _cables(self, tensions: Array) -> _Cables:
+        """The cables; `tensions` are those of all lines."""
+        lines = self._mechanism.lines
+        cables = self._rows.cables
+        gains = self._rows.gains
+        # A motor's position is its factor times the length, and so is its force.
+        squared_factors = lines.actuation[cables] ** 2
+        stiffness = lines.stiffness[cables] + squared_factors @ gains.stiffness
+        damping = lines.damping[cables] + squared_factors @ gains.damping
+        constant = stiffness + damping == 0
         pulls = np.where(constant, np.maximum(tensions[cables], 0.0), 0.0)
-        force = force - pulls @ of_lines[cables]
+        return _Cables(tensions[cables], stiffness, damping, constant, pulls)
 
-        implicit = linear @ L
-        inertia = L.T @ M @ L
-        left = inertia + (implicit.T * factors) @ implicit
-        free = np.linalg.solve(left, inertia @ va + h * (L.T @ force))
+    def _forces(
+        self,
+        begin: _Beginning,
+        tau: Array,
+        tensions: Array,
+        cables: _Cables,
+        wrenches: Array | None,
+    ) -> Array:
+        """Forces on the tree at the beginning, without dampers and rows, shape (nv,)."""
+        mechanism = self._mechanism
+        rods = self._rods
+        force = begin.force + mechanism.actuation @ tau - tensions[rods] @ begin.J_lines[rods]
+        force = force + mechanism.springs.forces(mechanism.model, begin.q)
+        if wrenches is not None:
+            force = force + wrenches.ravel() @ body_jacobians(self._context.loops)
+        return np.asarray(force - cables.constant_pulls @ begin.J_lines[self._rows.cables])
 
-        of_stops = [stop.side * np.eye(len(v))[stop.rate] for stop in rows.stops]
-        J = np.concatenate(
+    def _implicit(self, begin: _Beginning, h: float) -> Array:
+        """h D + h^2 K in the coordinates, shape (n, n): of joints, lines that push, and motors."""
+        mechanism = self._mechanism
+        lines = mechanism.lines
+        gains = self._rows.gains
+        rods = self._rods
+        J_motors = mechanism.actuation.T + lines.actuation[rods].T @ begin.J_lines[rods]
+        J = np.concatenate([np.eye(len(begin.v)), begin.J_lines[rods], J_motors])
+        stiffness = np.concatenate(
+            [mechanism.springs.stiffness, lines.stiffness[rods], gains.stiffness]
+        )
+        damping = np.concatenate([mechanism.friction.viscous, lines.damping[rods], gains.damping])
+        J = J @ begin.L
+        return np.asarray((J.T * (h * damping + h**2 * stiffness)) @ J)
+
+    def _impulse_rows(self, begin: _Beginning, cables: _Cables, free: Array, h: float) -> Rows:
+        """The rows on the coordinates, with their biases and compliances."""
+        rows = self._rows
+        parts = rows.parts
+        axes = np.eye(len(begin.v))
+        J_cables = -begin.J_lines[rows.cables]
+        J_stops = [stop.side * axes[stop.rate] for stop in rows.stops]
+        J_tree = np.concatenate(  # in the order of `Parts`
             [
-                of_points,
-                of_ropes,
-                np.where(constant, 0.0, 1.0)[:, None] * -of_lines[cables],
-                np.reshape(of_stops, (-1, len(v))),
-                np.eye(len(v))[rows.dry_rates],
-                of_lines[rows.dry_lines],
+                begin.J_contacts,
+                begin.J_ropes,
+                np.where(cables.constant, 0.0, 1.0)[:, None] * J_cables,
+                np.reshape(J_stops, (-1, len(begin.v))),
+                axes[rows.dry_rates],
+                begin.J_lines[rows.dry_lines],
             ]
         )
-        on_coordinates = J @ L
-        soft = np.where(constant, 1.0, cable_damping + h * cable_stiffness)
-        compliance, biases = np.zeros(len(J)), np.zeros(len(J))
-        points, ropes, of_cables, stops, _ = rows.parts
-        compliance[of_cables] = np.where(constant, 0.0, 1 / (h * soft))
-        biases[points.start + 2 : points.stop : 3] = self._approach(
-            gaps, on_coordinates[2 : points.stop : 3], va, free, h
-        )
-        biases[ropes], biases[stops] = slack / h, rows.stop_gaps(q) / h
-        biases[of_cables] = np.where(constant, 0.0, -tensions[cables] / soft)
-        problem = Rows(on_coordinates, biases, compliance, rows.kinds, rows.bounds(h))
-        after, x, residual = impulses(left, free, problem, start)
-        x[of_cables] += h * pulls
+        J = J_tree @ begin.L
 
-        v = L @ after
-        ahead = mechanism.space.normalised(q + h * mechanism.space.coordinate_rates(q, v))
-        end = context.without_slip.assemble(ahead, mechanism.dependent)
-        return Step(end, after, v, x, residual)
+        # The rate w of a row is J va plus the bias. With the bias gap / h, the gap after the step
+        # is h w, which is not negative. The slack of a rope is a gap.
+        biases = np.zeros(rows.count)
+        biases[rows.normals] = self._approach(begin.gaps, J[rows.normals], begin.va, free, h)
+        biases[parts.ropes] = begin.slack / h
+        biases[parts.stops] = rows.stop_gaps(begin.q) / h
+
+        # With the rate l_dot of its length and soft = damping + h stiffness, a cable has the
+        # tension x / h = tension + soft l_dot, or none if this is negative. So the rate of its row
+        # is w = -l_dot - tension / soft + x / (h soft).
+        compliance = np.zeros(rows.count)
+        soft = np.where(cables.constant, 1.0, cables.damping + h * cables.stiffness)
+        biases[parts.cables] = np.where(cables.constant, 0.0, -cables.tensions / soft)
+        compliance[parts.cables] = np.where(cables.constant, 0.0, 1 / (h * soft))
+        return Rows(J, biases, compliance, rows.kinds, rows.bounds(h))
 
     def _approach(self, gaps: Array, J: Array, va: Array, free: Array, h: float) -> Array:
         """Biases of the normal rows: gap / h, or after an impact restitution times the rate."""
@@ -231,13 +348,13 @@ class NonsmoothStep:
 
     def _slack(self, q: Array) -> tuple[Array, Array]:
         """What is left of the ropes' lengths, and its rates, shapes (ropes,) and (ropes, nv)."""
-        if not len(self._lengths):
+        if not len(self._rope_lengths):
             return np.zeros(0), np.zeros((0, self._mechanism.model.nv))
         self._ropes.evaluate(q)
         distances = self._ropes.f + 1.0
         # The direction of a rope between coinciding frames is not determined; it is slack.
         apart = distances > LEAST_LENGTH * self._mechanism.length
-        return self._lengths - distances, np.where(apart[:, None], -self._ropes.Phi, 0.0)
+        return self._rope_lengths - distances, np.where(apart[:, None], -self._ropes.Phi, 0.0)
 
 
 def _at(J: Array, lever: Array) -> Array:

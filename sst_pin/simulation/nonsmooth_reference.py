@@ -38,7 +38,7 @@ class NonsmoothReference:
         self._space.start_rates(q, va)
         gaps = self._step_in(self._space).gaps(q)
         mechanism = self._mechanism
-        names = [f"contact {contact}" for contact in mechanism.contacts.points]
+        names = [f"contact {contact}" for contact in mechanism.contacts.points]  # as `gaps`
         names += [f"rope {rope}" for rope in mechanism.contacts.ropes]
         for stop in self._rows.stops:
             names.append(f"the range of {mechanism.space.rate_names[stop.rate]}")
@@ -55,16 +55,17 @@ class NonsmoothReference:
         first: int,
         wrenches: Callable[[Array], Array | None],
         *,
-        until_suited: bool,
+        until_good: bool,
     ) -> RolloutEnd:
-        """Fill the states of motion i after state `first`; the valid ones are counted from 0.
+        """Fill states, forces, residuals and impulses of motion i after its state `first`.
 
-        With `until_suited` it returns after at least one step where the robot's coordinates are
-        good. `arrays.impulses[i]` are those of the last step, with which the next one starts.
+        The valid states of the result are counted from the start of the motion. With `until_good`
+        it returns after at least one step where the robot's coordinates are good.
         """
         q = arrays.q[i]
         va = arrays.va[i]
         h = arrays.dt
+        # The coordinates of `space` are good; `rates` are theirs, v are those of all joints.
         space = self._space
         rates = va[first]
         try:
@@ -73,13 +74,17 @@ class NonsmoothReference:
             return RolloutEnd(first + 1, error)
         for s in range(first, len(q) - 1):
             try:
-                suited, _ = self._space.in_good_coordinates(q[s], _POOR)
-                if until_suited and s > first and suited is self._space:
+                good_space, _ = self._space.in_good_coordinates(q[s], _POOR)
+                if until_good and s > first and good_space is self._space:
                     return RolloutEnd(s + 1, None)
-                if suited is not space:
-                    space = suited
+                if good_space is not space:
+                    space = good_space
                     rates = v[space.coordinates]
-                forces = Forces(arrays.tau[i, s], arrays.positions[i, s], wrenches(q[s]))
+                forces = Forces(
+                    tau=arrays.tau[i, s],
+                    positions=arrays.positions[i, s],
+                    wrenches=wrenches(q[s]),
+                )
                 step = self._step_in(space).step(q[s], rates, forces, h, arrays.impulses[i])
                 self._require_regular(space, q[s], step, h)
                 v = space.joint_rates(step.q, step.va)
@@ -90,7 +95,7 @@ class NonsmoothReference:
             va[s + 1] = v[self._space.coordinates]
             arrays.forces[i, s] = step.x / h
             arrays.residual[i, s] = step.residual
-            arrays.impulses[i] = step.x
+            arrays.impulses[i] = step.x  # where the solver starts in the next step
         return RolloutEnd(len(q), None)
 
     def _step_in(self, space: StateSpace) -> NonsmoothStep:
@@ -115,7 +120,7 @@ class NonsmoothReference:
         if np.abs(correction).max() > LARGEST_BEND * length + CLOSURE_TOLERANCE:
             raise StepError("the step is too long for the curvature of the motion; shorten dt")
 
-        def path(start: Array, low: float, high: float) -> Array:
+        def path(_start: Array, _low: float, high: float) -> Array:
             if high == 1:
                 return step.q
             return space.closed(pin.integrate(model, q, high * displacement))

@@ -22,8 +22,10 @@ from ..states import WrenchesAt
 from .nonsmooth_reference import NonsmoothReference
 from .rollout_arguments import RolloutArguments
 
-#: Codes of steps in `NonsmoothRollout.status`.
-SOLVED_STEP, NOT_SOLVED, NOT_REACHED = 0, 1, 2
+# Codes of steps in `NonsmoothRollout.status`.
+SOLVED_STEP = 0
+NOT_SOLVED = 1
+NOT_REACHED = 2
 
 
 class NonsmoothRollout(NamedTuple):
@@ -79,15 +81,15 @@ class NonsmoothRollout(NamedTuple):
         if len(places) != len(batch) or any(np.greater_equal(places, batch)):
             raise InputError("index", f"{index}, and the leading axes are {batch}")
         return NonsmoothRollout(
-            self.q[index],
-            self.va[index],
-            self.contact_forces[index],
-            self.tensions[index],
-            self.joint_forces[index],
-            self.residual[index],
-            self.status[index],
-            self.t,
-            self.line_friction[index],
+            q=self.q[index],
+            va=self.va[index],
+            contact_forces=self.contact_forces[index],
+            tensions=self.tensions[index],
+            joint_forces=self.joint_forces[index],
+            residual=self.residual[index],
+            status=self.status[index],
+            t=self.t,
+            line_friction=self.line_friction[index],
         )
 
 
@@ -160,7 +162,10 @@ def _motor_positions(engine: Engine, rows: NonsmoothRows, q: Array) -> Array:
 
 
 class _Motions:
-    """Motions of a batch, by compiled code as far as its steps are sound.
+    """Motions of a batch.
+
+    Compiled code makes their steps until it cannot vouch for one. The reference path makes this
+    step and those after it, until the coordinates are good; then compiled code goes on.
 
     Attributes:
         steps_made: Number of steps of each motion, shape (N,).
@@ -192,13 +197,7 @@ class _Motions:
         if self._code is not None:
             self.steps_made[:] = self._code.run(self._rows, arrays, threads)
         for i in counted(range(len(arrays.q)), "rollout", len(arrays.q)):
-            try:
-                if self.steps_made[i] == 0:
-                    self._reference.require_start(arrays.q[i, 0], arrays.va[i, 0])
-            except SSTError as error:
-                self.errors[i] = error
-                self.cannot_start.add(i)
-            else:
+            if self.steps_made[i] > 0 or self._can_start(i):
                 self._complete(i)
             made = int(self.steps_made[i])
             arrays.q[i, made + 1 :] = np.nan
@@ -206,20 +205,26 @@ class _Motions:
             arrays.forces[i, made:] = np.nan
             arrays.residual[i, made:] = np.nan
 
-    def _complete(self, i: int) -> None:
-        """Make the steps of motion i that compiled code has not made.
+    def _can_start(self, i: int) -> bool:
+        """Whether motion i can start; if not, its error is added."""
+        try:
+            self._reference.require_start(self._arrays.q[i, 0], self._arrays.va[i, 0])
+        except SSTError as error:
+            self.errors[i] = error
+            self.cannot_start.add(i)
+            return False
+        return True
 
-        The reference path makes them until the coordinates are good, then compiled code again. Both
-        count the valid states of the motion from its start.
-        """
+    def _complete(self, i: int) -> None:
+        """Make the steps of motion i that compiled code has not made."""
         arrays = self._arrays
         steps = arrays.residual.shape[1]
         made = int(self.steps_made[i])
         while made < steps and i not in self.errors:
             end = self._reference.fill(
-                arrays, i, made, partial(self._wrenches, i), until_suited=self._code is not None
+                arrays, i, made, partial(self._wrenches, i), until_good=self._code is not None
             )
-            made = end.valid - 1
+            made = end.valid - 1  # the first state is the start
             if end.error is not None:
                 self.errors[i] = end.error
             elif self._code is not None and made < steps:
@@ -239,7 +244,7 @@ def _results(
 ) -> NonsmoothRollout:
     """The arrays in the shapes of the arguments; a warning if a step is not solved."""
     steps = arrays.residual.shape[1]
-    points, ropes, cables, _, dry = rows.parts
+    parts = rows.parts
 
     def of_batch(array: Array) -> Array:
         return array.reshape(*batch, *array.shape[1:])
@@ -260,10 +265,10 @@ def _results(
     return NonsmoothRollout(
         q=of_batch(arrays.q),
         va=of_batch(arrays.va),
-        contact_forces=forces[..., points].reshape(*batch, steps, contacts, 3),
-        tensions=forces[..., ropes.start : cables.stop],
+        contact_forces=forces[..., parts.contacts].reshape(*batch, steps, contacts, 3),
+        tensions=forces[..., parts.ropes.start : parts.cables.stop],
         joint_forces=forces @ rows.on_joints,
-        line_friction=forces[..., dry.start + len(rows.dry_rates) : dry.stop],
+        line_friction=forces[..., parts.dry_lines],
         residual=of_batch(arrays.residual),
         status=status.reshape(*batch, steps),
         t=arrays.dt * np.arange(steps + 1),

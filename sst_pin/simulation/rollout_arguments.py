@@ -53,29 +53,32 @@ class RolloutArguments:
 
     def samples(self, motor_positions: Array | None = None) -> RolloutSamples:
         """The arguments of all samples of the batch; `motor_positions` has the shape of tau."""
-        names = list(self.at_frames)
-        batch, arrays = flattened(
-            [
-                self.q0,
-                self.va0,
-                self.tau,
-                motor_positions,
-                self.wrenches,
-                *(self.at_frames[name] for name in names),
-            ],
-            [1, 1, 2, 2, 2, *(1 for _ in names)],
-        )
-        q0, va0, tau, positions, wrenches, *at_frames = arrays
+        # Arrays by name, and how many axes each has behind those of the batch.
+        arrays: dict[str, Array | None] = {
+            "q0": self.q0,
+            "va0": self.va0,
+            "tau": self.tau,
+            "motor_positions": motor_positions,
+            "wrenches": self.wrenches,
+        }
+        axes = {"q0": 1, "va0": 1, "tau": 2, "motor_positions": 2, "wrenches": 2}
+        for frame, wrench in self.at_frames.items():
+            arrays[f"at {frame}"] = wrench
+            axes[f"at {frame}"] = 1
+        batch, rows = flattened(list(arrays.values()), list(axes.values()))
+        flat = dict(zip(arrays, rows, strict=True))
+
+        positions = flat["motor_positions"]
+        wrenches = flat["wrenches"]
+        # Kernels need aligned arrays ("A"); positions and wrenches also contiguous ones ("C").
         return RolloutSamples(
             batch=batch,
-            q0=np.require(q0, float, "A"),
-            va0=np.require(va0, float, "A"),
-            tau=np.require(tau, float, "A"),
+            q0=np.require(flat["q0"], float, "A"),
+            va0=np.require(flat["va0"], float, "A"),
+            tau=np.require(flat["tau"], float, "A"),
             motor_positions=None if positions is None else np.require(positions, float, "C"),
             wrenches=None if wrenches is None else np.require(wrenches, float, "C"),
-            at_frames={
-                name: np.asarray(wrench) for name, wrench in zip(names, at_frames, strict=True)
-            },
+            at_frames={frame: np.asarray(flat[f"at {frame}"]) for frame in self.at_frames},
         )
 
     def wrenches_at(self, engine: Engine, samples: RolloutSamples) -> WrenchesAt | None:
