@@ -56,12 +56,12 @@ class Singularities(NamedTuple):
     condition_number: Array
 
 
-#: The geometry of each engine.
+#: The geometry of each engine. It is computed once, and forgotten with its engine.
 _GEOMETRIES: WeakKeyDictionary[Engine, Geometry] = WeakKeyDictionary()
 
 
-def _geometry_of(engine: Engine) -> Geometry:
-    """The geometry of the SST that an engine computes; it is found once for each engine."""
+def _geometry_of_engine(engine: Engine) -> Geometry:
+    """The geometry of the SST whose dynamics an engine computes."""
     if engine not in _GEOMETRIES:
         model = engine.mechanism.model
         _GEOMETRIES[engine] = geometry_of(model, f"model {model.name}")
@@ -112,7 +112,8 @@ class SST(ClosedChain):
         array([ 0.3  ,  4.475, -4.475])
     """
 
-    _platform = "beta_1"  # the star
+    #: The frame of the platform, the star.
+    _platform = "beta_1"
 
     def __init__(self, parameters: Parameters | None = None) -> None:
         if parameters is None:
@@ -152,7 +153,10 @@ class SST(ClosedChain):
         return robot
 
     def _load(self, description: RobotFile) -> None:
-        """Make this robot from a description, which must be one of an SST."""
+        """Do the work of all constructors: check that a description is an SST, and make the robot.
+
+        If the description has no home, one is added to its model.
+        """
         model = description.model
         geometry = geometry_of(model, description.source)
         _require_sst(description)
@@ -163,14 +167,10 @@ class SST(ClosedChain):
         super().__init__(**description.arguments, coordinates=MOTOR_NAMES)
         self._shapes = description.shapes
 
-    def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
-        geometry_of(model, f"model {model.name}")  # an edited model may be no SST
-        super()._fill(model, mechanism)
-
     @property
     def geometry(self) -> Geometry:
         """Orientations of the frames fixed to the base and to the star."""
-        return _geometry_of(self._engine)
+        return _geometry_of_engine(self._engine)
 
     @property
     def parameters(self) -> Parameters:
@@ -178,12 +178,12 @@ class SST(ClosedChain):
 
         It raises a `DescriptionError` if the model contains what `Parameters` cannot describe.
         """
-        engine = self._engine
+        engine = self._engine  # the same one throughout, also if another thread refreshes
         mechanism = engine.mechanism
         if mechanism.lines.forces or not mechanism.springs.none:
             problems = ["it has springs or lines, which Parameters do not describe"]
             raise DescriptionError(f"model {mechanism.model.name}", problems)
-        parameters = parameters_of(mechanism.model, _geometry_of(engine), mechanism.friction)
+        parameters = parameters_of(mechanism.model, _geometry_of_engine(engine), mechanism.friction)
         written = _description_of(parameters).model
         problems = list(differences(mechanism.model, written))
         if problems:
@@ -212,7 +212,7 @@ class SST(ClosedChain):
             >>> robot.inverse_kinematics(R).round(3)
             array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
-        return _joints(self._engine, "pose", self._orientations(pose), branch)[1]
+        return _inverse_pose(self._engine, "pose", self._orientations(pose), branch).q
 
     def _orientations(self, pose: pin.SE3 | ArrayLike) -> Array:
         """The rotations of poses; their positions, if given, must be the position of E."""
@@ -222,10 +222,12 @@ class SST(ClosedChain):
         R = poses[..., :3, :3]
         position = poses[..., :3, 3]
         radius = self.star_radius
-        gap = np.linalg.norm(position - radius * R[..., 0], axis=-1)  # E is at radius along s
-        if (gap > CLOSURE_TOLERANCE * radius).any():
+        s = R[..., 0]
+        gap = np.linalg.norm(position - radius * s, axis=-1)  # E is at `radius` along s
+        is_elsewhere = gap > CLOSURE_TOLERANCE * radius
+        if is_elsewhere.any():
             problem = f"with this orientation E is {gap.max():.3g} m away from this position"
-            raise of_samples(WorkspaceError(problem), gap > CLOSURE_TOLERANCE * radius)
+            raise of_samples(WorkspaceError(problem), is_elsewhere)
         return R
 
     def joint_motion(
@@ -244,13 +246,13 @@ class SST(ClosedChain):
             >>> q.shape, va.shape, aa.shape
             ((100, 9), (100, 3), (100, 3))
         """
-        engine = self._engine
-        legs, q = _joints(engine, "R", R, branch)
+        engine = self._engine  # the same one throughout, also if another thread refreshes
+        legs, q = _inverse_pose(engine, "R", R, branch)
         shape = (*q.shape[:-1], 3)
         omega = np.broadcast_to(finite_array("omega", omega, (3,)), shape)
         alpha = np.broadcast_to(finite_array("alpha", alpha, (3,)), shape)
         q_dot = kinematics.joint_rates(legs, omega)
-        q_ddot = kinematics.joint_accelerations(_geometry_of(engine), legs, q_dot, alpha)
+        q_ddot = kinematics.joint_accelerations(_geometry_of_engine(engine), legs, q_dot, alpha)
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
@@ -277,19 +279,17 @@ class SST(ClosedChain):
         R = direct_kinematics.orientations(u, geometry.arc_normals)
         solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:
-            return solutions[np.lexsort(np.round(R[:, :, :2].reshape(-1, 6), 9).T)]
+            # In the order of the first two columns of R, rounded: the same on each machine.
+            columns = np.round(R[:, :, :2].reshape(-1, 6), 9)
+            return solutions[np.lexsort(columns.T)]
         if not len(solutions):
             raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
         before = single_array("near", near, (9,))
-        turns = in_one_turn(solutions - before)
-        q: Array = before + turns[np.abs(turns).max(axis=1).argmin()]
+        changes = in_one_turn(solutions - before)  # in (-pi, pi]
+        closest = np.abs(changes).max(axis=1).argmin()
+        q: Array = before + changes[closest]
         q[::3] = gamma
         return q
-
-    def _solutions(self, positions: Mapping[str, float]) -> Array | None:
-        if set(positions) != set(MOTOR_NAMES):
-            return None
-        return self.forward_kinematics([positions[name] for name in MOTOR_NAMES])
 
     def platform_orientation(self, q: ArrayLike) -> Array:
         """Orientation R of {E} in the base by leg 1, shape (..., 3, 3); its first column is s."""
@@ -336,25 +336,49 @@ class SST(ClosedChain):
         """Parts of pictures: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
         return star_appearance.appearance_of(self.geometry, self.star_radius)
 
+    # --- methods that `ClosedChain` calls -----------------------------------------------------
+
+    def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
+        """Set the tree and the engine; an edited model that is no SST is refused."""
+        geometry_of(model, f"model {model.name}")
+        super()._fill(model, mechanism)
+
+    def _solutions(self, positions: Mapping[str, float]) -> Array | None:
+        """All assembly modes with these positions; None if they are not those of the motors."""
+        if set(positions) != set(MOTOR_NAMES):
+            return None
+        return self.forward_kinematics([positions[name] for name in MOTOR_NAMES])
+
     def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
-        return arc_limits.findings(engine.mechanism.model, _geometry_of(engine), t, q)
+        """The findings of `check_limits` at configurations of shape (N, 9) at times t."""
+        return arc_limits.findings(engine.mechanism.model, _geometry_of_engine(engine), t, q)
 
 
-def _joints(
+class _InversePose(NamedTuple):
+    """Inverse kinematics of orientations of the star."""
+
+    legs: kinematics.Legs  #: Axes of the legs.
+    q: Array  #: Joint angles, shape (..., 9).
+
+
+def _inverse_pose(
     engine: Engine, name: str, rotation: ArrayLike, branch: ArrayLike
-) -> tuple[kinematics.Legs, Array]:
-    """Leg axes and joint angles for orientations; angles are within the limits."""
+) -> _InversePose:
+    """Inverse kinematics; angles beyond the limits are refused.
+
+    `name` is the name of the argument `rotation`, for messages.
+    """
     R = finite_array(name, rotation, (3, 3))
     kinematics.require_rotation(R, name)
     signs = finite_array("branch", branch, (3,))
     if not (np.abs(signs) == 1).all():
         problem = f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"
         raise InputError("branch", problem)
-    geometry = _geometry_of(engine)
+    geometry = _geometry_of_engine(engine)
     legs = kinematics.legs_of_orientation(geometry, R, signs)
     q = kinematics.joints_of_legs(geometry, legs)
     _require_limits(engine.mechanism.model, q)
-    return legs, q
+    return _InversePose(legs, q)
 
 
 def _require_limits(model: pin.Model, q: Array) -> None:
