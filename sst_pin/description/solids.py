@@ -2,10 +2,11 @@
 """Plain solids and their surfaces.
 
 Meshes and collision geometry both come from these solids, so they agree. A surface connects the
-`loops` of its solid. These are its cross-sections: convex polygons, shape (loops, points, 3), [m],
-each counterclockwise when seen from the last one. `trimesh.creation` has no bevels, leaves out
-triangles below 1e-8 m^2, so that robots of a millimetre would have holes, and needs two more
-packages for the ends of an arc.
+loops of its solid: the outlines of cross-sections along the solid. Loops have the shape (loops,
+points, 3), [m]. They are convex polygons, each counterclockwise when seen from the last one.
+
+`trimesh.creation` has no bevels, leaves out triangles below 1e-8 m^2, so that robots of a
+millimetre would have holes, and needs two more packages for the ends of an arc.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ _CHORD = 2e-4
 _STEP = np.radians(4.5)
 #: Width of the bevel on an edge, as a share of the smallest size of the solid.
 _BEVEL = 0.12
-#: Angle of one straight piece of an arc's collision geometry; it stands off by 1.3 mm at most.
+#: Angle of one straight piece of an arc's collision geometry. A piece is up to 1.3 mm larger than
+#: an arc with the paper's radius.
 _PIECE = np.radians(9)
 
 
@@ -41,7 +43,8 @@ class Box(NamedTuple):
         heights = np.array((-length / 2, bevel - length / 2, length / 2 - bevel, length / 2))
         wide = _rectangle(width, depth, bevel)
         narrow = _rectangle(width - 2 * bevel, depth - 2 * bevel, bevel)
-        return self.center + _stack(heights, [narrow, wide, wide, narrow]) @ self.axes.T
+        loops = _loops_along(heights, [narrow, wide, wide, narrow], axes=self.axes)
+        return self.center + loops
 
 
 class Cylinder(NamedTuple):
@@ -63,7 +66,8 @@ class Cylinder(NamedTuple):
         heights = np.array((0, bevel, length - bevel, length))
         radii = np.array((r_0 - bevel, r_0, r_1, r_1 - bevel))
         circle = _circle(radii.max()) / radii.max()
-        return self.start + _stack(heights, [r * circle for r in radii]) @ np.stack([z, x, y])
+        circles = [r * circle for r in radii]
+        return self.start + _loops_along(heights, circles, axes=np.stack([z, x, y], axis=-1))
 
 
 class Ball(NamedTuple):
@@ -77,8 +81,9 @@ class Ball(NamedTuple):
         circle = _circle(self.radius)
         # Just short of the poles, so that no circle is a point.
         latitudes = np.linspace(-1.5, 1.5, len(circle) // 2 + 1)
-        sections = [np.cos(latitude) * circle for latitude in latitudes]
-        return self.center + _stack(self.radius * np.sin(latitudes), sections)
+        circles = [np.cos(latitude) * circle for latitude in latitudes]
+        heights = self.radius * np.sin(latitudes)
+        return self.center + _loops_along(heights, circles, axes=np.eye(3))
 
 
 class Arc(NamedTuple):
@@ -93,14 +98,19 @@ class Arc(NamedTuple):
     def loops(self) -> Array:
         """Its sections, from one end to the other."""
         depth, width = self.section
-        bevelled = _rectangle(depth, width, _BEVEL * min(self.section))
-        section = _circle(depth / 2) if self.round else bevelled
+        if self.round:
+            section = _circle(depth / 2)
+        else:
+            section = _rectangle(depth, width, _BEVEL * min(self.section))
         angles = np.linspace(0, self.angle, int(np.ceil(self.angle / _STEP - 1e-9)) + 1)
-        radial = np.outer(np.cos(angles), self.radius + section[:, 0])
-        along = np.outer(np.sin(angles), self.radius + section[:, 0])
-        local = np.stack([radial, along, np.broadcast_to(section[:, 1], radial.shape)], axis=-1)
-        # Counterclockwise in (radial, axial) is clockwise from where the arc goes.
-        return local[:, ::-1] @ self.axes.T
+        # Cylindrical coordinates of the points of each section, in the axes of the arc.
+        r = self.radius + section[:, 0]
+        x = np.outer(np.cos(angles), r)
+        y = np.outer(np.sin(angles), r)
+        z = np.broadcast_to(section[:, 1], x.shape)
+        loops = np.stack([x, y, z], axis=-1)
+        # Counterclockwise in (r, z) is clockwise when seen from where the arc goes: reversed.
+        return loops[:, ::-1] @ self.axes.T
 
     def pieces(self) -> Iterator[Primitive]:
         """Straight bars that enclose it."""
@@ -177,16 +187,22 @@ def axes_along(direction: Array) -> Array:
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def _stack(heights: Array, sections: Sequence[Array]) -> Array:
-    """Loops at several heights; the first coordinate is the height."""
+def _loops_along(heights: Array, sections: Sequence[Array], axes: Array) -> Array:
+    """Loops by their heights along the first axis and their sections in the other two.
+
+    A section has the shape (points, 2). The axes are the columns of a (3, 3) array.
+    """
     loops = []
     for height, section in zip(heights, sections, strict=True):
         loops.append(np.insert(section, 0, height, axis=1))
-    return np.stack(loops)
+    return np.stack(loops) @ axes.T
 
 
 def _circle(radius: float) -> Array:
-    """Points of a circle, counterclockwise; a multiple of four, so that its size is right."""
+    """Points of a circle, counterclockwise, shape (points, 2).
+
+    Their number is a multiple of four, so that the circle has its full size along both axes.
+    """
     cosine = max(1 - _CHORD / radius, 0.9)  # eight points at least
     quarter = np.ceil(np.pi / 4 / np.arccos(cosine))
     angles = np.pi / 2 / quarter * np.arange(4 * quarter)
@@ -194,7 +210,7 @@ def _circle(radius: float) -> Array:
 
 
 def _rectangle(width: float, depth: float, bevel: float) -> Array:
-    """Points of a rectangle, counterclockwise, the corners cut off."""
+    """Points of a rectangle, counterclockwise, the corners cut off, shape (8, 2)."""
     a = width / 2
     b = depth / 2
     half = np.array(((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b)))
