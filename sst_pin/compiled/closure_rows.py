@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The rows of closures on CasADi's symbols: Phi, Phi v, Phi v_dot + Phi_dot v, and the residual.
 
-`loops.rows` has the same rows in numbers. Most closures connect a frame A to a frame B. Their rows
+`loops` has the same rows in numbers. Most closures connect a frame A to a frame B. Their rows
 depend only on how A and B move relative to the *base*: the last link that carries both frames. All
 vectors of such a row are in the axes of the base, unless another link is named:
 

@@ -22,10 +22,9 @@ from ..loops.row_derivatives import (
     FrameMotions,
     Partials,
     TreeMotion,
-    brackets,
     partials,
 )
-from ..loops.rows import cross, skew
+from ..loops.vectors import brackets, cross, skew
 from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
 from .dynamics import Context, applied_forces, direct_dynamics
@@ -213,7 +212,7 @@ class Derivatives:
         force = context.tree_forces(v, v_dot)
         force -= applied_forces(context, friction, q, v, wrenches, tau)
         reactions = G.T.dot(force)  # lambda
-        loads = [_on_frames(closures, reactions) for closures in rows.closures]
+        loads = [_on_frames(closure, reactions) for closure in rows.closures]
         of_lines: Partials | None = None
         if not lines.none:
             lengths, J = context.lines.evaluate(q)
@@ -226,8 +225,8 @@ class Derivatives:
 
         # Partial derivatives of the forces on the tree, where q, v and v_dot are independent.
         force_q, force_v, M = self._tree_forces(v, v_dot, loads)
-        for row, k, second in rows.coupled:  # rows of couplings act on no frame
-            force_q[k, k] -= reactions[row] * second
+        for joint in rows.couplings:  # they act on no frame
+            force_q[joint.rate, joint.rate] -= reactions[joint.row] * joint.second
         if of_lines is not None:
             taut = lines.taut(lengths, J.dot(v))  # 0 for slack cables, else 1
             pull_per_length = J.T * (lines.stiffness * taut)
@@ -296,13 +295,12 @@ class Derivatives:
         return replace(self._mechanism.friction, sign_width=sign_width)
 
 
-def _on_frames(closures: ClosurePartials, reactions: Array) -> _Load:
-    """Forces along the rows of closures or lines, as wrenches on the frames that they connect."""
-    forces = reactions[closures.rows.at]
-    w = np.einsum("kr,kri->ki", forces, closures.rows.W).reshape(-1, 6)
-    w_q = np.einsum("kr,kriq->kiq", forces, closures.W_q)
-    joints = closures.rows.bodies.ravel().tolist()
-    return _Load(joints, closures.frames, w, w_q.reshape(len(w), 6, -1))
+def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
+    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
+    forces = reactions[closure.rows.at]
+    w = forces.dot(closure.W).reshape(2, 6)
+    w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
+    return _Load(closure.rows.bodies, closure.frames, w, w_q)
 
 
 def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, as_array, positive_number
 from ..errors import InputError
 from ..loops.frame_guide import rotations
-from ..loops.rows import skew
+from ..loops.vectors import skew
 
 #: Positions are in a row if their second principal extent, squared, is below this part.
 _IN_A_ROW = 1e-8

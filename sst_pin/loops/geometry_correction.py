@@ -443,6 +443,7 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
     A place is a joint, with None, or a frame, with its index.
     """
     model, data, bodies = loops.model, loops.data, loops.tree.bodies
+    W = loops.W
     by = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
         body, placement = place_of(model, place)
@@ -451,18 +452,18 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
         # the place, angular about the axes of the place.
         twists = (oMcarrier * placement).action
         twists[:3, :3] = oMcarrier.rotation
-        for closures in loops.of_frames:
+        for rows in loops.of_frames:
             if frame is not None:
-                moves = closures.frames == frame
+                moves_b, moves_a = [end == frame for end in rows.frames]
             else:
-                bodies_after = list(model.subtrees[model.getJointId(place)])
-                joints = np.array([x.parentJoint for x in model.frames])[closures.frames]
-                moves = np.isin(joints, bodies_after)
+                bodies_after = model.subtrees[model.getJointId(place)]
+                joints = [model.frames[end].parentJoint for end in rows.frames]
+                moves_b, moves_a = [joint in bodies_after for joint in joints]
             # A place that moves both frames in the same way does not change the closure.
-            moves_b = moves[:, 0] & ~moves[:, 1]
-            moves_a = moves[:, 1] & ~moves[:, 0]
-            by[closures.at[moves_b], k] = closures.W[moves_b, :, :6] @ twists
-            by[closures.at[moves_a], k] = closures.W[moves_a, :, 6:] @ twists
+            if moves_b and not moves_a:
+                by[rows.at, k] = W[rows.at, :6] @ twists
+            if moves_a and not moves_b:
+                by[rows.at, k] = W[rows.at, 6:] @ twists
     return by.reshape(len(by), -1)
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Error f(q) of the closures, their Jacobian Phi and its rate, at one configuration.
 
-Pinocchio computes placements and Jacobians of the frames on the normal tree, and `rows` the rows of
-each closure. Pinocchio's own constraint functions are not used: they are wrong or NaN in silence on
-redundant loops. Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the
-bodies' twists.
+Pinocchio computes placements and Jacobians of the frames on the normal tree, and `closure_formulas`
+the errors and wrenches of each closure. Pinocchio's own constraint functions are not used: they are
+wrong or NaN in silence on redundant loops. Twists are [linear; angular], as Pinocchio's; the
+paper's order comes in with the bodies' twists.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,20 +18,22 @@ from ..errors import ClosureError, InputError
 from ..model.closures import Constraint
 from ..model.normal_tree import NormalTree
 from ..model.thresholds import CLOSURE_TOLERANCE
-from .rows import CouplingRow, FrameRows, JointMotion, rows_of
+from .closure_formulas import FramePair
+from .rows import CouplingRow, FrameRows, rows_of
 
 
 class Loops:
     """The closures of one tree; one object per thread.
 
-    `evaluate(q)` goes to a configuration. All other methods are about that configuration.
+    `evaluate(q)` goes to a configuration. All other methods are about that configuration, and so
+    are the attributes from `at` on.
 
     Attributes:
         model: The tree.
         tree: Its normal tree; `data` belongs to it.
         slices: Where the rows of each closure are in Phi.
-        of_frames: The closures of two frames, those of one kind together.
-        couplings: The other closures, one by one.
+        of_frames: The rows of closures of two frames.
+        couplings: The rows of couplings of joints, and of brakes of joints.
         holonomic: Which rows have an error, shape (rows,); the others hold rates only.
         touched: Which rates a row depends on, shape (rows, nv).
         curved: Which rates change Phi, shape (nv,); linear couplings do not.
@@ -40,20 +42,23 @@ class Loops:
     """
 
     def __init__(self, model: pin.Model, closures: Sequence[Constraint]) -> None:
-        self.model, self.tree = model, NormalTree(model)
+        self.model = model
+        self.tree = NormalTree(model)
         self.data = self.tree.model.createData()
-        self._rows = rows_of(model, self.tree, closures)
-        self.of_frames = [rows for rows in self._rows if isinstance(rows, FrameRows)]
-        self.couplings = [rows for rows in self._rows if isinstance(rows, CouplingRow)]
+        all_rows = rows_of(model, self.tree, closures)
+        self.of_frames = [rows for rows in all_rows if isinstance(rows, FrameRows)]
+        self.couplings = [rows for rows in all_rows if isinstance(rows, CouplingRow)]
         ends = np.cumsum([0, *(len(closure.rows) for closure in closures)])
         self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
-        holonomic = [not row.startswith(("slip", "brake")) for c in closures for row in c.rows]
+
+        names = [name for closure in closures for name in closure.rows]
+        holonomic = [not name.startswith(("slip", "brake")) for name in names]
         self.holonomic = np.array(holonomic, dtype=bool)
-        self.touched = np.zeros((len(holonomic), model.nv), dtype=bool)
+        self.touched = np.zeros((len(names), model.nv), dtype=bool)
         self.curved: Flags = np.zeros(model.nv, dtype=bool)
-        for rows in self._rows:
+        for rows in all_rows:
             self.touched[rows.at] = rows.touched
-            self.curved |= rows.curved.reshape(-1, model.nv).any(axis=0)
+            self.curved |= rows.curved
         self._parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def parts(self, coordinates: Indices) -> list[tuple[Indices, Indices]]:
@@ -65,28 +70,31 @@ class Loops:
             self._parts[key] = [(rows, dependent[rates]) for rows, rates in parts]
         return self._parts[key]
 
+    # --- f, Phi and its rate ----------------------------------------------------------------
+
     def evaluate(self, q: Array) -> None:
         """Go to a configuration: compute placements and f. Phi is computed at its first use."""
-        tree, data = self.tree, self.data
-        q = self.at = q.copy()  # the caller may change q before Phi is computed
+        tree = self.tree
+        data = self.data
+        self.at = q = q.copy()  # the caller may change q before Phi is computed
         self.q = tree.configurations(q)
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
         self._J = np.array(data.J).reshape(6, -1)
-        self.f: Array = np.zeros(len(self.touched))
+        self._W_of_frames: list[Array] | None = None
         self._Phi: Array | None = None
-        for rows in self._rows:
-            rows.evaluate(q, data)
-            self.f[rows.at] = rows.f
 
-    @property
-    def Phi(self) -> Array:
-        """Jacobian of f, Eq. (3), shape (rows, nv): Phi v = 0."""
-        if self._Phi is None:
-            self._Phi = np.zeros(self.touched.shape)
-            for rows in self._rows:
-                self._Phi[rows.at] = rows.Phi(self._J)
-        return self._Phi
+        self.f: Array = np.zeros(len(self.touched))
+        #: The placements of the frames of each item of `of_frames`.
+        self._pairs: list[FramePair] = []
+        placements = data.oMf
+        for rows in self.of_frames:
+            frame_b, frame_a = rows.frames
+            pair = FramePair.of_placements(placements[frame_b], placements[frame_a])
+            self._pairs.append(pair)
+            self.f[rows.at] = rows.error(pair, q)
+        for coupling in self.couplings:
+            self.f[coupling.at] = coupling.error(q)
 
     def evaluate_closed(self, q: Array, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """`evaluate`; all errors, times the scale of their rows, must be below the tolerance."""
@@ -94,23 +102,79 @@ class Loops:
         self.require_closed(scale, tolerance)
 
     @property
-    def largest_coordinates(self) -> Array:
-        """Largest absolute coordinate of the frames of each row in the world, (rows,), [m].
+    def Phi(self) -> Array:
+        """Jacobian of f, Eqs. (3), (4), shape (rows, nv): Phi v = 0.
 
-        The rounding of f is that of these coordinates. Couplings have no frames: 0.
+        The rows of two frames are W [J_B; J_A].
         """
-        largest = np.zeros(len(self.touched))
-        for closures in self.of_frames:
-            largest[closures.at] = closures.largest_coordinates[:, None]
-        return largest
+        if self._Phi is None:
+            self._Phi = np.zeros(self.touched.shape)
+            for rows, W in zip(self.of_frames, self._wrenches(), strict=True):
+                self._Phi[rows.at] = rows.Phi(W, self._J)
+            for coupling in self.couplings:
+                self._Phi[coupling.at] = coupling.Phi(self.at)
+        return self._Phi
+
+    def Phi_dot(self, v: Array) -> Array:
+        """Rate of Phi at rates v, shape (rows, nv); sets the rates of `frame_jacobian_rate` too.
+
+        The rows of two frames are W_dot [J_B; J_A] + W [J_dot_B; J_dot_A].
+        """
+        rates = self.tree.S.dot(v)
+        twists_of_rates = (self._J * rates).T
+        J_dot = self._jacobian_rate(rates)
+        Phi_dot = np.zeros(self.touched.shape)
+        for rows, pair, W in zip(self.of_frames, self._pairs, self._wrenches(), strict=True):
+            t_B, t_A = rows.twists(twists_of_rates)
+            W_dot = rows.formulas.W_dot(pair, W, t_B, t_A)
+            by_W_dot = W_dot.dot(rows.jacobians(self._J))
+            Phi_dot[rows.at] = by_W_dot + W.dot(rows.jacobians(J_dot))
+        for coupling in self.couplings:
+            Phi_dot[coupling.at] = coupling.Phi_dot(self.at, v)
+        return Phi_dot
+
+    def drift(self, v: Array) -> Array:
+        """Phi_dot v, shape (rows,): the rate of Phi v if v_dot = 0.
+
+        The rows of two frames are W_dot [t_B; t_A] + W [t_dot_B; t_dot_A], by the twists of the
+        frames and their rates.
+        """
+        rates = self.tree.S.dot(v)
+        twists_of_rates = (self._J * rates).T
+        twist_rates_of_rates = (self._jacobian_rate(rates) * rates).T
+        drift = np.zeros(len(self.touched))
+        for rows, pair, W in zip(self.of_frames, self._pairs, self._wrenches(), strict=True):
+            t = rows.twists(twists_of_rates)
+            t_dot = rows.twists(twist_rates_of_rates)
+            W_dot = rows.formulas.W_dot(pair, W, t_B=t[0], t_A=t[1])
+            drift[rows.at] = W_dot.dot(t.ravel()) + W.dot(t_dot.ravel())
+        for coupling in self.couplings:
+            drift[coupling.at] = coupling.Phi_dot(self.at, v).dot(v)
+        return drift
+
+    def _jacobian_rate(self, rates: Array) -> Array:
+        """The rate of J at rates of the normal tree, shape (6, rates)."""
+        pin.computeJointJacobiansTimeVariation(self.tree.model, self.data, self.q, rates)
+        return np.array(self.data.dJ).reshape(6, -1)
+
+    def _wrenches(self) -> list[Array]:
+        """W for each item of `of_frames`, shapes (rows, 12)."""
+        if self._W_of_frames is None:
+            self._W_of_frames = [
+                rows.formulas.W(pair)
+                for rows, pair in zip(self.of_frames, self._pairs, strict=True)
+            ]
+        return self._W_of_frames
 
     @property
     def W(self) -> Array:
         """[W_B, -W_A], the wrenches of the rows, shape (rows, 12); 0 for couplings."""
         W = np.zeros((len(self.touched), 12))
-        for closures in self.of_frames:
-            W[closures.at] = closures.W
+        for rows, W_of_rows in zip(self.of_frames, self._wrenches(), strict=True):
+            W[rows.at] = W_of_rows
         return W
+
+    # --- other quantities at the configuration ----------------------------------------------
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all errors, times the scale of their rows, are below the tolerance."""
@@ -127,27 +191,16 @@ class Loops:
                 residual,
             )
 
-    def Phi_dot(self, v: Array) -> Array:
-        """Rate of Phi at rates v, shape (rows, nv); sets the rates of `frame_jacobian_rate` too."""
-        motion = self._motion(v)
-        Phi_dot = np.zeros(self.touched.shape)
-        for rows in self._rows:
-            Phi_dot[rows.at] = rows.Phi_dot(motion)
-        return Phi_dot
+    @property
+    def largest_coordinates(self) -> Array:
+        """Largest absolute coordinate of the frames of each row in the world, (rows,), [m].
 
-    def drift(self, v: Array) -> Array:
-        """Phi_dot v, shape (rows,)."""
-        motion = self._motion(v)
-        drift = np.zeros(len(self.touched))
-        for rows in self._rows:
-            drift[rows.at] = rows.drift(motion)
-        return drift
-
-    def _motion(self, v: Array) -> JointMotion:
-        rates, data = self.tree.S.dot(v), self.data
-        pin.computeJointJacobiansTimeVariation(self.tree.model, data, self.q, rates)
-        J, J_dot = self._J, np.array(data.dJ).reshape(6, -1)
-        return JointMotion(v, (J * rates).T, (J_dot * rates).T, J, J_dot)
+        The rounding of f is that of these coordinates. Couplings have no frames: 0.
+        """
+        largest = np.zeros(len(self.touched))
+        for rows, pair in zip(self.of_frames, self._pairs, strict=True):
+            largest[rows.at] = max(np.abs(pair.B[:3, 3]).max(), np.abs(pair.A[:3, 3]).max())
+        return largest
 
     def frame_jacobian(self, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, nv)."""
@@ -166,9 +219,11 @@ class Loops:
         Lambda. Shape (joints of the normal tree, 6, k), the ground first.
         """
         forces = np.zeros((self.tree.model.njoints, 6, Lambda.shape[1]))
-        for closures in self.of_frames:
-            on_frames = closures.W.swapaxes(1, 2) @ Lambda[closures.at]
-            np.add.at(forces, closures.bodies.ravel(), on_frames.reshape(-1, 6, Lambda.shape[1]))
+        for rows, W in zip(self.of_frames, self._wrenches(), strict=True):
+            on_B_and_A = W.T @ Lambda[rows.at]
+            body_of_B, body_of_A = rows.bodies
+            forces[body_of_B] += on_B_and_A[:6]
+            forces[body_of_A] += on_B_and_A[6:]
         return forces
 
 

@@ -24,10 +24,12 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..model.normal_tree import NormalTree
+from .closure_formulas import FramePair
 from .loops import Loops
-from .rows import FrameRows, Frames, cross, hat, skew
+from .rows import FrameRows
+from .vectors import bracket_matrix, brackets, hat
 
-#: In complex numbers M + i _STEP M_q the imaginary part of W is _STEP W_q, exact to rounding.
+#: The step h of `_wrench_derivatives`.
 _STEP = 1e-50
 
 
@@ -74,8 +76,8 @@ class FrameMotions:
         J: Twist per rate, shape (k, 6, nv).
         twist, acceleration: Spatial, shape (k, 6).
         twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
-        M, M_t: Homogeneous matrices of the frames and their rates, shape (k, 4, 4).
-        M_q, M_tq: Derivatives of both, shape (nv, k, 4, 4).
+        M: Placements of the frames, homogeneous matrices, shape (k, 4, 4).
+        M_q, M_tq: Derivatives of M and of its rate, shape (nv, k, 4, 4).
     """
 
     def __init__(
@@ -88,100 +90,124 @@ class FrameMotions:
         carried_twice = (motion.carried_twice * moves).dot(tree.S)
         self.J, self.twist = J, J.dot(motion.v)
         self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
-        t_x, a_x = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
+        t_x, a_x = bracket_matrix(self.twist), bracket_matrix(self.acceleration)
         self.twist_q = -t_x @ J - carried
         self.acceleration_q = -a_x @ J + t_x @ carried - carried_twice
         self.acceleration_v = self.twist_q + J_dot
-        self.M, self.M_t = places, hat(self.twist) @ places
+        self.M = places
         self.M_q = hat(np.moveaxis(J, -1, 0)) @ places
         self.M_tq = hat(np.moveaxis(self.twist_q, -1, 0)) @ places + hat(self.twist) @ self.M_q
 
 
 class ClosurePartials(NamedTuple):
-    """The k closures of one kind and the motions of their frames, for loads on them."""
+    """Rows of a closure of two frames and the motions of these frames, for loads on them."""
 
-    #: Their rows.
+    #: The rows.
     rows: FrameRows
-    #: Motions of frames B and A of each closure, in turn.
+    #: Motions of frames B and A.
     frames: FrameMotions
-    #: Derivative of W, shape (k, rows, 12, nv).
+    #: The wrenches [W_B, -W_A], shape (rows, 12).
+    W: Array
+    #: Derivative of W, shape (rows, 12, nv).
     W_q: Array
 
 
-class Partials(NamedTuple):
-    """Derivatives of the velocity Phi v and the acceleration Phi v_dot + Phi_dot v of the rows."""
+class CouplingPartials(NamedTuple):
+    """A joint of a coupling.
 
-    #: Derivative of the velocity by q, v held, shape (rows, nv).
+    Attributes:
+        row: The row of the coupling in Phi.
+        rate: Index of the joint's rate in v.
+        second: The second derivative P'' of the joint's polynomial.
+    """
+
+    row: int
+    rate: int
+    second: float
+
+
+class Partials(NamedTuple):
+    """Derivatives of the velocity Phi v and the acceleration Phi v_dot + Phi_dot v of the rows.
+
+    Attributes:
+        velocity_q: Derivative of the velocity by q, v held, shape (rows, nv).
+        acceleration_q: Derivative of the acceleration by q, v and v_dot held, shape (rows, nv).
+        acceleration_v: Derivative of the acceleration by v, shape (rows, nv).
+        closures: The rows of closures of two frames.
+        couplings: All joints of all couplings.
+    """
+
     velocity_q: Array
-    #: Derivative of the acceleration by q, v and v_dot held, shape (rows, nv).
     acceleration_q: Array
-    #: Derivative of the acceleration by v, shape (rows, nv).
     acceleration_v: Array
-    #: The closures of two frames.
     closures: list[ClosurePartials]
-    #: For each joint of a coupling: the row, the rate, and the polynomial's second derivative.
-    coupled: list[tuple[int, int, float]]
+    couplings: list[CouplingPartials]
 
 
 def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
     """Derivatives of the rows' velocities and accelerations at q, where `loops` is evaluated."""
-    velocity_q, acceleration_q, acceleration_v = np.zeros((3, *loops.touched.shape))
+    velocity_q = np.zeros(loops.touched.shape)
+    acceleration_q = np.zeros(loops.touched.shape)
+    acceleration_v = np.zeros(loops.touched.shape)
+
+    # The velocity is W t, the acceleration W t_dot + W_dot t, with t = [t_B; t_A].
     closures: list[ClosurePartials] = []
     for rows in loops.of_frames:
-        at, count = rows.at, len(rows.at)
-        frames = tree.frames_of(rows.frames.ravel().tolist())
-        twist = frames.twist.reshape(count, 12)
-        acceleration = frames.acceleration.reshape(count, 12)
-        J = frames.J.reshape(count, 12, -1)
-        twist_q = frames.twist_q.reshape(J.shape)
-        of_q = frames.acceleration_q.reshape(J.shape)
-        of_v = frames.acceleration_v.reshape(J.shape)
-        W, W_t = rows.W, rows.formulas.W_dot(*_ends(frames.M), *_ends(frames.M_t))
-        W_q, W_tq = _wrench_derivatives(rows, frames)
-        turning = _along(W_q, twist)
-        velocity_q[at] = W @ twist_q + turning
-        acceleration_q[at] = W @ of_q + _along(W_q, acceleration)
-        acceleration_q[at] += W_t @ twist_q + _along(W_tq, twist)
-        acceleration_v[at] = W @ of_v + W_t @ J + turning
-        closures.append(ClosurePartials(rows, frames, W_q))
-    coupled: list[tuple[int, int, float]] = []
+        frames = tree.frames_of(rows.frames)
+        t = frames.twist.reshape(12)
+        t_dot = frames.acceleration.reshape(12)
+        J = frames.J.reshape(12, -1)
+        t_q = frames.twist_q.reshape(12, -1)
+        t_dot_q = frames.acceleration_q.reshape(12, -1)
+        t_dot_v = frames.acceleration_v.reshape(12, -1)
+        W, W_dot = _wrenches(rows, frames.M, frames.twist)
+        W_q, W_dot_q = _wrench_derivatives(rows, frames)
+        at = rows.at
+        velocity_q[at] = W @ t_q + _along(W_q, t)
+        acceleration_q[at] = W @ t_dot_q + _along(W_q, t_dot) + W_dot @ t_q + _along(W_dot_q, t)
+        # W_dot has the derivative W_q by v.
+        acceleration_v[at] = W @ t_dot_v + W_dot @ J + _along(W_q, t)
+        closures.append(ClosurePartials(rows, frames, W, W_q))
+
+    # The sum of P(q) has the velocity P' v and the acceleration P' v_dot + P'' v^2.
+    couplings: list[CouplingPartials] = []
     for coupling in loops.couplings:
-        # The sum of P(q) has the rates P' v and P' v_dot + P'' v^2.
-        for i, k, _, _, P_2 in coupling.terms:
-            row, v, v_dot, second = coupling.at[0], tree.v[k], tree.v_dot[k], float(P_2(q[i]))
+        row = coupling.at.start
+        for joint in coupling.joints:
+            k = joint.rate
+            v = tree.v[k]
+            v_dot = tree.v_dot[k]
+            second = float(joint.P_2(q[joint.entry]))
+            third = joint.P_2.deriv()(q[joint.entry])
             velocity_q[row, k] = second * v
-            acceleration_q[row, k] = second * v_dot + P_2.deriv()(q[i]) * v**2
+            acceleration_q[row, k] = second * v_dot + third * v**2
             acceleration_v[row, k] = 2 * second * v
-            coupled.append((row, k, second))
-    return Partials(velocity_q, acceleration_q, acceleration_v, closures, coupled)
+            couplings.append(CouplingPartials(row, k, second))
+    return Partials(velocity_q, acceleration_q, acceleration_v, closures, couplings)
+
+
+def _wrenches(rows: FrameRows, M: Array, twists: Array) -> tuple[Array, Array]:
+    """W = [W_B, -W_A] and its rate, shapes (..., rows, 12).
+
+    M and twists are those of B and A, shapes (..., 2, 4, 4) and (..., 2, 6).
+    """
+    pair = FramePair.of_matrices(B=M[..., 0, :, :], A=M[..., 1, :, :])
+    W = rows.formulas.W(pair)
+    return W, rows.formulas.W_dot(pair, W, t_B=twists[..., 0, :], t_A=twists[..., 1, :])
 
 
 def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
-    """Derivatives of W and of its rate by q, shapes (k, rows, 12, nv)."""
-    M, M_t = frames.M + 1j * _STEP * frames.M_q, frames.M_t + 1j * _STEP * frames.M_tq
-    W, W_t = rows.formulas.W(*_ends(M)), rows.formulas.W_dot(*_ends(M), *_ends(M_t))
-    return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
+    """Derivatives of W and of its rate by q, shapes (rows, 12, nv), by complex steps.
+
+    At M + i h M_q the imaginary part of W is h W_q, exact to rounding if h is tiny: nothing is
+    subtracted.
+    """
+    M = frames.M + 1j * _STEP * frames.M_q
+    twists = frames.twist + 1j * _STEP * np.moveaxis(frames.twist_q, -1, 0)
+    W, W_dot = _wrenches(rows, M, twists)
+    return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_dot.imag, 0, -1) / _STEP
 
 
-def _along(W_q: Array, twists: Array) -> Array:
-    """Derivatives of W t, t held, shape (k, rows, nv), for twists of shape (k, 12)."""
-    return np.einsum("kriq,ki->krq", W_q, twists)
-
-
-def _ends(M: Array) -> tuple[Frames, Frames]:
-    """Frames B and A from matrices or their rates, shape (..., 2 k, 4, 4), B and A in turn."""
-    return Frames.of(M[..., ::2, :, :]), Frames.of(M[..., 1::2, :, :])
-
-
-def brackets(a: Array, b: Array) -> Array:
-    """Lie brackets of twists [linear; angular] in columns, shape (6, k)."""
-    (v, w), (v_b, w_b) = (np.split(x.T, 2, axis=1) for x in (a, b))
-    return np.concatenate((cross(w, v_b) + cross(v, w_b), cross(w, w_b)), axis=1).T
-
-
-def _bracket_matrix(twist: Array) -> Array:
-    """The matrices with which t x s = matrix s, for twists t, shape (k, 6, 6)."""
-    matrix = np.zeros((len(twist), 6, 6))
-    matrix[:, :3, :3] = matrix[:, 3:, 3:] = skew(twist[:, 3:])
-    matrix[:, :3, 3:] = skew(twist[:, :3])
-    return matrix
+def _along(W_q: Array, t: Array) -> Array:
+    """Derivatives of W t, t held, shape (rows, nv), for t of shape (12,)."""
+    return np.einsum("riq,i->rq", W_q, t)
