@@ -185,7 +185,7 @@ class Derivatives:
         v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
         motion = tree.frames_of([frame])
         J = np.concatenate((motion.M_q[:, 0, :3, 3].T, motion.J[0, 3:]))
-        by_q = np.concatenate((motion.M_tq[:, 0, :3, 3].T, motion.twist_q[0, 3:]))
+        by_q = np.concatenate((motion.M_dot_q[:, 0, :3, 3].T, motion.twist_q[0, 3:]))
         return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(

@@ -208,33 +208,43 @@ class HeldMotions(RelativeFormulas):
     """
 
     def __init__(self, slides: Sequence[int], turns: Sequence[int]) -> None:
-        entries: list[tuple[int, int]] = []
+        # The axes have the numbers 0, 1, 2, whose sum is 3: two numbers give the third.
+        #: The axis about which B may turn if two turns are held.
+        self._free_axis: int | None = None
+        if len(turns) == 2:
+            self._free_axis = 3 - sum(turns)
+
+        # Rows of the entries in X, their columns, and their signs.
+        X_rows: list[int] = []
+        X_columns: list[int] = []
         signs: list[float] = []
         for i in slides:
-            entries.append((i, 3))
+            X_rows.append(i)
+            X_columns.append(3)
             signs.append(1.0)
-        #: The axis about which B may turn if two turns are held: 0 + 1 + 2 = 3.
-        self._free_axis = 3 - sum(turns)
         for i in turns:
-            y = self._free_axis if len(turns) == 2 else (i + 2) % 3
+            y = (i + 2) % 3 if self._free_axis is None else self._free_axis
             x = 3 - i - y
-            entries.append((x, y))
+            X_rows.append(x)
+            X_columns.append(y)
             is_cyclic = x == (i + 1) % 3  # then e_x x e_y is e_i, else it is -e_i
             signs.append(-1.0 if is_cyclic else 1.0)
-        self._holds_two_turns = len(turns) == 2
-        self._i, self._j = np.array(entries).T
+        self._X_rows = np.array(X_rows)
+        self._X_columns = np.array(X_columns)
         self._signs = np.array(signs)
         self.rows = len(signs)
 
     def f(self, X: Array) -> Array:
-        f: Array = self._signs * X[self._i, self._j]
-        if self._holds_two_turns and X[self._free_axis, self._free_axis] < 0:
+        f: Array = self._signs * X[self._X_rows, self._X_columns]
+        y = self._free_axis
+        if y is not None and X[y, y] < 0:  # the two axes y are more than 90 degrees apart
             f[-2:] = _beyond_right_angle(f[-2:])
         return f
 
     def w(self, X: Array) -> Array:
-        rates = _GENERATORS @ X[..., None, :, :]
-        return np.asarray(self._signs[:, None] * rates[..., self._i, self._j].swapaxes(-1, -2))
+        GX = _GENERATORS @ X[..., None, :, :]  # shape (..., 6, 4, 4)
+        rates_of_entries = GX[..., self._X_rows, self._X_columns]  # shape (..., 6, rows)
+        return np.asarray(self._signs[:, None] * rates_of_entries.swapaxes(-1, -2))
 
     def w_dot(self, X: Array, X_dot: Array) -> Array:
         return self.w(X_dot)  # w is linear in X
@@ -292,7 +302,8 @@ class RollingContact(RelativeFormulas):
 
     The point of contact is c = p - radius n, where the unit vector n points from it to the centre
     of B. The forces act along x, y and z through c: w = [identity, moments c x e_i]. Only the third
-    row, the height of c over the plane, has an error. The first two hold the velocity of slip.
+    row has an error, the height of c over the plane. As c is the lowest point of B, the height
+    changes as that of the point of B which is at c. The first two rows hold the velocity of slip.
     """
 
     rows = 3

@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Partial derivatives of the closures' rows on the tree: of Phi v and of its rate.
 
-Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and wrenches run
-[linear; angular], in world axes, reduced at the world's origin; x is their Lie bracket.
+Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists [v; omega] and
+wrenches [force; moment] have the axes and the origin of the world; x is the Lie bracket of twists.
 
-A rate i moves all that stands after its joint. So it changes the twist t and the acceleration a of
-a frame after it by
+J_i is the twist that rate i of the tree gives at unit speed to all bodies after its joint. The body
+that carries this joint has the twist t_i and the acceleration a_i. A displacement of q_i turns and
+shifts all that stands after the joint. So it changes the twist t and the acceleration a of a frame
+there by
 
     dt/dq_i = J_i x (t - t_i),
-    da/dq_i = J_i x (a - a_i) - (J_i x t_i) x (t - t_i),
+    da/dq_i = J_i x (a - a_i) - (J_i x t_i) x (t - t_i).
 
-where J_i is its own twist at unit rate, and t_i and a_i are the twist and the acceleration of the
-body that carries its joint.
+With the parts that are the same for all frames,
+
+    c_i = J_i x t_i,    d_i = J_i x a_i - c_i x t_i,
+
+these are
+
+    dt/dq_i = -t x J_i - c_i,
+    da/dq_i = -a x J_i + t x c_i - d_i.
 """
 
 from __future__ import annotations
@@ -38,25 +46,29 @@ class TreeMotion:
 
     Attributes:
         v, v_dot: The rates and accelerations, shape (nv,).
-        J, J_dot: J_i and its rate for each rate i of the normal tree, shape (6, rates).
-        carried: J_i x t_i, shape (6, rates).
-        carried_twice: J_i x a_i - (J_i x t_i) x t_i, shape (6, rates).
+        J, J_dot: J_i and its rate in columns, for the rates of the normal tree, shape (6, rates).
+        c, d: c_i and d_i in columns, as in the text of the module, shape (6, rates).
     """
 
     def __init__(self, loops: Loops, v: Array, v_dot: Array) -> None:
-        self._loops, self.v, self.v_dot = loops, v, v_dot
-        tree, data = loops.tree, loops.data
-        rates, accelerations = tree.S.dot(v), tree.S.dot(v_dot)
+        self._loops = loops
+        self.v = v
+        self.v_dot = v_dot
+        tree = loops.tree
+        data = loops.data
+        rates = tree.S.dot(v)
+        accelerations = tree.S.dot(v_dot)
         pin.computeJointJacobiansTimeVariation(tree.model, data, loops.q, rates)
         self.J = np.array(data.J).reshape(6, -1)
         self.J_dot = np.array(data.dJ).reshape(6, -1)
-        # Column i has the rates before rate i, zero for the others.
+
+        # Column i has the rates that move the body that carries the joint of rate i; others are 0.
         rates_before = tree.before * rates[:, None]
         accelerations_before = tree.before * accelerations[:, None]
         t = self.J.dot(rates_before)
         a = self.J_dot.dot(rates_before) + self.J.dot(accelerations_before)
-        self.carried = brackets(self.J, t)
-        self.carried_twice = brackets(self.J, a) - brackets(self.carried, t)
+        self.c = brackets(self.J, t)
+        self.d = brackets(self.J, a) - brackets(self.c, t)
 
     def frames(self, joints: Sequence[int], places: Sequence[Array]) -> FrameMotions:
         """Motions of frames at places, shapes (4, 4), on bodies of the normal tree."""
@@ -70,33 +82,40 @@ class TreeMotion:
 
 
 class FrameMotions:
-    """Twists of k frames and the derivatives of their motions by the rates of the tree.
+    """Twists of k frames, and the derivatives of their motions by the rates of the tree.
 
     Attributes:
         J: Twist per rate, shape (k, 6, nv).
-        twist, acceleration: Spatial, shape (k, 6).
+        twist, acceleration: The twists t and their rates a, shape (k, 6).
         twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
         M: Placements of the frames, homogeneous matrices, shape (k, 4, 4).
-        M_q, M_tq: Derivatives of M and of its rate, shape (nv, k, 4, 4).
+        M_q, M_dot_q: Derivatives of M and of its rate, shape (nv, k, 4, 4).
     """
 
     def __init__(
         self, motion: TreeMotion, tree: NormalTree, joints: Sequence[int], places: Array
     ) -> None:
+        # Which rates of the normal tree move a frame, shape (k, 1, rates). Rates of the model
+        # combine those of the normal tree by S.
         moves = tree.supports[list(joints), None]
         J = (motion.J * moves).dot(tree.S)
         J_dot = (motion.J_dot * moves).dot(tree.S)
-        carried = (motion.carried * moves).dot(tree.S)
-        carried_twice = (motion.carried_twice * moves).dot(tree.S)
-        self.J, self.twist = J, J.dot(motion.v)
+        c = (motion.c * moves).dot(tree.S)
+        d = (motion.d * moves).dot(tree.S)
+
+        self.J = J
+        self.twist = J.dot(motion.v)
         self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
-        t_x, a_x = bracket_matrix(self.twist), bracket_matrix(self.acceleration)
-        self.twist_q = -t_x @ J - carried
-        self.acceleration_q = -a_x @ J + t_x @ carried - carried_twice
+        t_x = bracket_matrix(self.twist)
+        a_x = bracket_matrix(self.acceleration)
+        self.twist_q = -t_x @ J - c
+        self.acceleration_q = -a_x @ J + t_x @ c - d
         self.acceleration_v = self.twist_q + J_dot
+
+        # M has the rate hat(t) M, and the derivative hat(J_i) M by q_i.
         self.M = places
         self.M_q = hat(np.moveaxis(J, -1, 0)) @ places
-        self.M_tq = hat(np.moveaxis(self.twist_q, -1, 0)) @ places + hat(self.twist) @ self.M_q
+        self.M_dot_q = hat(np.moveaxis(self.twist_q, -1, 0)) @ places + hat(self.twist) @ self.M_q
 
 
 class ClosurePartials(NamedTuple):
