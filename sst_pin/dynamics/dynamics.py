@@ -180,7 +180,7 @@ class Context:
         S = self.tree.S
         forces = pin.rnea(self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)).dot(S)
         if self.mechanism.lines.masses.any():
-            tensions = self.lines.inertial_tensions(self.loops.at, v, v_dot)
+            tensions = self.lines.inertial_tensions(self.loops.q_of_model, v, v_dot)
             forces = forces + tensions.dot(self.lines.loops.Phi)
         return forces
 
@@ -189,7 +189,7 @@ class Context:
         S = self.tree.S
         inertia = S.T.dot(pin.crba(self.tree.model, self.data, self.loops.q)).dot(S)
         if self.mechanism.lines.masses.any():
-            inertia = inertia + self.lines.inertia(self.loops.at)
+            inertia = inertia + self.lines.inertia(self.loops.q_of_model)
         return inertia
 
 

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dyads: planar loops that two joints close, a hinge and another hinge or a slide.
+"""Dyads: planar loops that two joints close: a hinge, and another hinge or a slide.
 
-Points of the plane are complex numbers. The closure brings two points together, one on each of its
-frames. The hinge turns its point on a circle about h. The other joint changes the distance of one
-of the points from h; where both distances are equal, a turn of the hinge closes the loop. There are
-up to two such positions.
+Points of the plane are complex numbers, relative to the centre h of the hinge. The closure brings
+two points together: r, which the hinge turns about h, and s on its other frame. The other joint
+
+- moves s, if it carries the other frame;
+- moves r, if it carries the same frame as the hinge and comes after the hinge;
+- moves h and r together, if it comes before the hinge. Relative to h, r stays where it is, and s
+  moves in the opposite way.
+
+So it moves one of the two points relative to h. The loop closes where |r| = |s|: there a turn of
+the hinge by the angle of s / r brings r to s. There are up to two such positions.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,89 +29,98 @@ from .loops import Loops
 _EQUAL = 1e-9
 
 
-class _Meeting(NamedTuple):
-    """A position of the other joint with which a turn of the hinge closes the loop."""
-
-    #: The motion of the joint to this position, [rad] or [m].
-    move: float
-    #: Where it moves its point, relative to h.
-    point: complex
-
-
 def dyad_configurations(
     loops: Loops, closure: Constraint, rates: Indices, q: Array
 ) -> list[Array] | None:
     """Configurations in which two joints close a loop, the others held; None if it is no dyad.
 
-    `rates` are those of the two joints.
+    `rates` are those of the two joints. The positions of these joints in q do not matter.
     """
-    model, tree = loops.model, loops.tree
+    model = loops.model
+    tree = loops.tree
     if not isinstance(closure, Closure) or not holds_points(closure):
         return None
     joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
     if [(joint.nq, joint.nv) for joint in joints] != [(1, 1), (1, 1)]:
         return None
     loops.evaluate(q)
-    data = loops.data
-    twists = (data.J.reshape(6, -1) @ tree.S)[:, rates].T
-    linear, axes = twists[:, :3], twists[:, 3:]
-    plane = _plane(linear, axes)
+    J = loops.data.J.reshape(6, -1) @ tree.S
+    twists = J[:, rates].T
+    linear = twists[:, :3]
+    angular = twists[:, 3:]
+    plane = _plane(linear, angular)
     if plane is None:
         return None
 
-    hinge = 0 if axes[0].any() else 1
+    # The two joints are numbered 0 and 1 in the order of the tree.
+    hinge = 0 if angular[0].any() else 1
     other = 1 - hinge
-    other_slides = not axes[other].any()
+    frame_a = frame_id(model, closure.frame_a)
     frame_b = frame_id(model, closure.frame_b)
     moves_b = tree.supports[tree.model.frames[frame_b].parentJoint] @ tree.S > 0
-    hinge_moves_b, other_moves_b = moves_b[rates[hinge]], moves_b[rates[other]]
-    on_one_side = hinge_moves_b == other_moves_b
-    other_is_after = on_one_side and other > hinge
+    hinge_moves_b = moves_b[rates[hinge]]
+    other_moves_b = moves_b[rates[other]]
+    is_on_same_side = hinge_moves_b == other_moves_b
+    is_after_hinge = is_on_same_side and other > hinge
+    is_before_hinge = is_on_same_side and other < hinge
 
-    point_a, point_b = (
-        _in_plane(plane, data.oMf[frame_id(model, name)].translation)
-        for name in (closure.frame_a, closure.frame_b)
-    )
-    of_hinge, opposite = (point_b, point_a) if hinge_moves_b else (point_a, point_b)
-    h = _in_plane(plane, np.cross(axes[hinge], linear[hinge]))
-    g = None if other_slides else _in_plane(plane, np.cross(axes[other], linear[other])) - h
-    direction = _in_plane(plane, linear[other])
-    # A joint after the hinge moves the hinge's point. One before the hinge moves it too, together
-    # with h: this is the same as the opposite motion of the opposite point.
-    moved, fixed = (of_hinge, opposite) if other_is_after else (opposite, of_hinge)
-    meetings = _meetings(moved - h, abs(fixed - h), g, direction)
-    if meetings is None:
+    # The points, relative to h. An axis through the point p with the direction n has the twist
+    # [p x n; n], and n x (p x n) is the point of the axis nearest to the origin.
+    h = _in_plane(plane, np.cross(angular[hinge], linear[hinge]))
+    point_a = _in_plane(plane, loops.data.oMf[frame_a].translation) - h
+    point_b = _in_plane(plane, loops.data.oMf[frame_b].translation) - h
+    if hinge_moves_b:
+        r = point_b
+        s = point_a
+    else:
+        r = point_a
+        s = point_b
+
+    other_motion: _Turn | _Shift
+    if angular[other].any():
+        centre = _in_plane(plane, np.cross(angular[other], linear[other])) - h
+        # The axes may be opposite: then the other hinge turns in the negative sense.
+        sense = float(angular[hinge] @ angular[other])
+        other_motion = _Turn(centre)
+    else:
+        sense = 1.0
+        other_motion = _Shift(_in_plane(plane, linear[other]))
+    if is_before_hinge:
+        sense = -sense
+
+    point = r if is_after_hinge else s  # which the other joint moves
+    distance = abs(s) if is_after_hinge else abs(r)  # which it must reach from h
+    solutions = other_motion.to_distance(point, distance)
+    if solutions is None:
         return None
-    sense = -1.0 if on_one_side and not other_is_after else 1.0
-    if not other_slides:
-        sense *= float(axes[hinge] @ axes[other])
     configurations = list[Array]()
-    for move, point in meetings:
-        ratio = (fixed - h) / point
-        turn = np.angle(ratio) if other_is_after else -np.angle(ratio)
+    for solution in solutions:
+        r_reached = solution.point if is_after_hinge else r
+        s_reached = s if is_after_hinge else solution.point
         configuration = q.copy()
-        configuration[joints[hinge].idx_q] += turn
-        configuration[joints[other].idx_q] += sense * move
+        configuration[joints[hinge].idx_q] += np.angle(s_reached / r_reached)
+        configuration[joints[other].idx_q] += sense * solution.move
         configurations.append(configuration)
     return configurations
 
 
-def _plane(linear: Array, axes: Array) -> Array | None:
+def _plane(linear: Array, angular: Array) -> Array | None:
     """The plane, shape (2, 3), in which joints with these twists move, one or both of them hinges.
 
-    A turn about the first hinge is one from its first to its second direction. None if the joints
-    do not move in a plane.
+    Its rows are orthonormal vectors; a turn about the first hinge is one from the first row to the
+    second. None if the joints do not move in a plane.
     """
-    turns = np.linalg.norm(axes, axis=1)
-    n = axes[0] if turns[0] else axes[1]
-    out_of_plane = np.where(turns > 0, np.vecdot(linear, axes), linear @ n)  # of screws, of slides
+    turns = np.linalg.norm(angular, axis=1)  # 1 for hinges, 0 for slides
+    n = angular[0] if turns[0] else angular[1]
     not_unit = turns - turns.round()
-    not_parallel = np.cross(n, axes).ravel()
+    not_parallel = np.cross(n, angular).ravel()
+    # Screws have a velocity along their own axis, slides out of the plane one along n.
+    out_of_plane = np.where(turns > 0, np.vecdot(linear, angular), linear @ n)
     off = np.abs(np.concatenate([not_unit, out_of_plane, not_parallel])).max()
     if not n.any() or off > _EQUAL:
         return None
     plane = np.linalg.svd(n[None])[2][1:]
-    plane[1] *= np.linalg.det([n, *plane])
+    plane[1] *= np.linalg.det([n, *plane])  # 1 or -1: n, first and second row are right-handed
     return np.asarray(plane)
 
 
@@ -113,33 +129,56 @@ def _in_plane(plane: Array, vector: Array) -> complex:
     return complex(*(plane @ vector))
 
 
-def _meetings(p: complex, r: float, g: complex | None, d: complex) -> list[_Meeting] | None:
-    """Motions that bring a point p to the distance r from 0: turns about g, or shifts along d.
+class _Solution(NamedTuple):
+    """A position of the other joint with which a turn of the hinge closes the loop."""
 
-    They are shifts if g is None. None if a point is on the axis of its hinge, which does not move
-    it: then there is no dyad.
-    """
-    if r <= _EQUAL * abs(p):
-        return None
-    if g is None:
-        return _shifts(p, r, d)
-    arm = p - g
-    if min(abs(arm), abs(g)) <= _EQUAL * r:
-        return None
-    # The triangle with the sides |g|, |arm| and r.
-    cosine = (r * r - abs(g) ** 2 - abs(arm) ** 2) / (2 * abs(g) * abs(arm))
-    if abs(cosine) > 1 + _EQUAL:
-        return []
-    corner = np.arccos(np.clip(cosine, -1, 1))
-    turns = [sign * corner - np.angle(arm / g) for sign in (-1, 1)]
-    return [_Meeting(turn, g + np.exp(1j * turn) * arm) for turn in turns]
+    #: The motion of the joint to this position, [rad] or [m].
+    move: float
+    #: The point that the joint has moved, relative to h.
+    point: complex
 
 
-def _shifts(p: complex, r: float, d: complex) -> list[_Meeting]:
-    """Shifts along d that bring a point p to the distance r from 0."""
-    to_middle = -(p * d.conjugate()).real  # where the point is nearest to 0
-    square = r * r - abs(p + to_middle * d) ** 2
-    if square < -_EQUAL * r * r:
-        return []
-    half = np.sqrt(max(square, 0.0))
-    return [_Meeting(shift, p + shift * d) for shift in (to_middle - half, to_middle + half)]
+@dataclass(frozen=True)
+class _Turn:
+    """Turns about a centre."""
+
+    centre: complex
+
+    def to_distance(self, p: complex, distance: float) -> list[_Solution] | None:
+        """Turns that bring a point p to a distance from 0.
+
+        None if a point is on the axis of its hinge, which does not move it: then there is no dyad.
+        """
+        arm = p - self.centre
+        to_centre = abs(self.centre)
+        on_axis = min(abs(arm), to_centre) <= _EQUAL * distance
+        if on_axis or distance <= _EQUAL * abs(p):
+            return None
+        # The triangle with the sides |centre|, |arm| and the distance; the law of cosines.
+        cosine = (distance**2 - to_centre**2 - abs(arm) ** 2) / (2 * to_centre * abs(arm))
+        if abs(cosine) > 1 + _EQUAL:
+            return []
+        # The arm must have this angle to the direction of the centre.
+        angle = np.arccos(np.clip(cosine, -1, 1))
+        turns = [sign * angle - np.angle(arm / self.centre) for sign in (-1, 1)]
+        return [_Solution(turn, self.centre + np.exp(1j * turn) * arm) for turn in turns]
+
+
+@dataclass(frozen=True)
+class _Shift:
+    """Shifts along a direction, |direction| = 1."""
+
+    direction: complex
+
+    def to_distance(self, p: complex, distance: float) -> list[_Solution] | None:
+        """Shifts that bring a point p to a distance from 0; None as for turns."""
+        if distance <= _EQUAL * abs(p):
+            return None
+        to_middle = -(p * self.direction.conjugate()).real  # where the point is nearest to 0
+        middle = p + to_middle * self.direction
+        square = distance**2 - abs(middle) ** 2
+        if square < -_EQUAL * distance**2:
+            return []
+        half = np.sqrt(max(square, 0.0))
+        shifts = [to_middle - half, to_middle + half]
+        return [_Solution(shift, p + shift * self.direction) for shift in shifts]

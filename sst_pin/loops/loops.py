@@ -26,18 +26,20 @@ class Loops:
     """The closures of one tree; one object per thread.
 
     `evaluate(q)` goes to a configuration. All other methods are about that configuration, and so
-    are the attributes from `at` on.
+    are `data` and the attributes from `q_of_model` on.
 
     Attributes:
         model: The tree.
-        tree: Its normal tree; `data` belongs to it.
+        tree: Its normal tree.
+        data: Pinocchio's data of the normal tree: placements of joints and frames, Jacobians.
         slices: Where the rows of each closure are in Phi.
         of_frames: The rows of closures of two frames.
         couplings: The rows of couplings of joints, and of brakes of joints.
         holonomic: Which rows have an error, shape (rows,); the others hold rates only.
         touched: Which rates a row depends on, shape (rows, nv).
         curved: Which rates change Phi, shape (nv,); linear couplings do not.
-        at, q: The configuration, of the model and of the normal tree.
+        q_of_model: The configuration, shape (nq,).
+        q: The configuration of the normal tree, which Pinocchio's functions take with `data`.
         f: Errors of the closures, Eq. (2), shape (rows,), [m] and [rad], zero in closed loops.
     """
 
@@ -76,7 +78,7 @@ class Loops:
         """Go to a configuration: compute placements and f. Phi is computed at its first use."""
         tree = self.tree
         data = self.data
-        self.at = q = q.copy()  # the caller may change q before Phi is computed
+        self.q_of_model = q = q.copy()  # the caller may change q before Phi is computed
         self.q = tree.configurations(q)
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
@@ -112,7 +114,7 @@ class Loops:
             for rows, W in zip(self.of_frames, self._wrenches(), strict=True):
                 self._Phi[rows.at] = rows.Phi(W, self._J)
             for coupling in self.couplings:
-                self._Phi[coupling.at] = coupling.Phi(self.at)
+                self._Phi[coupling.at] = coupling.Phi(self.q_of_model)
         return self._Phi
 
     def Phi_dot(self, v: Array) -> Array:
@@ -130,7 +132,7 @@ class Loops:
             by_W_dot = W_dot.dot(rows.jacobians(self._J))
             Phi_dot[rows.at] = by_W_dot + W.dot(rows.jacobians(J_dot))
         for coupling in self.couplings:
-            Phi_dot[coupling.at] = coupling.Phi_dot(self.at, v)
+            Phi_dot[coupling.at] = coupling.Phi_dot(self.q_of_model, v)
         return Phi_dot
 
     def drift(self, v: Array) -> Array:
@@ -149,7 +151,7 @@ class Loops:
             W_dot = rows.formulas.W_dot(pair, W, t_B=t[0], t_A=t[1])
             drift[rows.at] = W_dot.dot(t.ravel()) + W.dot(t_dot.ravel())
         for coupling in self.couplings:
-            drift[coupling.at] = coupling.Phi_dot(self.at, v).dot(v)
+            drift[coupling.at] = coupling.Phi_dot(self.q_of_model, v).dot(v)
         return drift
 
     def _jacobian_rate(self, rates: Array) -> Array:
