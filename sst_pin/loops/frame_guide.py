@@ -2,11 +2,14 @@
 """Leads a frame of a closed chain from pose to pose; all joints follow.
 
 The closures and the wanted pose are one system of equations in all joints, M dq = -f, which
-Newton's method solves. M has the rows of Phi and those of the frame's Jacobian. Two configurations
-a and b count as neighbours where |M_a^+ (M_b - M_a)| < 1/2: then M is regular between them, and the
-frame stays in its working mode. A second matrix D has the rows of Phi and those of the drives, by
-default the coordinates. Where it is regular too, the loops stay in their assembly mode; see
-`loops/continuity.py`.
+Newton's method solves. M has the rows of Phi and those of the frame's Jacobian J:
+
+    M = [Phi; J].
+
+Two configurations a and b count as neighbours where |M_a^+ (M_b - M_a)| < 1/2: then M is regular
+between them, and the frame stays in its working mode. A second matrix D has the rows of Phi and
+those of the drives, which are by default the coordinates. Where D is regular too, the loops stay in
+their assembly mode; see `loops/continuity.py`. All matrices are free of units.
 """
 
 from collections.abc import Callable
@@ -26,12 +29,22 @@ from .continuity import CHANGE
 from .loops import Loops
 from .ranks import scaled_Phi
 
-#: Newton's method: number of steps, and the longest step, [rad] or lengths of the loop.
-_STEPS, _LONGEST = 12, 0.5
-#: A step of less than this size is the last one; the second is for a pose that is only approached.
-_LAST, _LAST_NEARBY = 1e-9, 1e-5
+#: Most steps of Newton's method.
+_STEPS = 12
+#: Its longest step, [rad] or lengths of the loop.
+_LONGEST = 0.5
+#: A step of less than this size is the last one: for an exact pose, for one that is approached.
+_LAST = 1e-9
+_LAST_NEARBY = 1e-5
 #: Weight of the closures where a pose is only approached.
 _HEAVY = 1e4
+#: A step along the path aims at this part of the limit `CHANGE`.
+_AIM = 0.8
+#: Without a solution, the next step is shorter by this factor.
+_SHORTER = 0.4
+
+#: A matrix of a configuration.
+MatrixOf = Callable[[Array], Array]
 
 
 class Approach(NamedTuple):
@@ -45,7 +58,7 @@ class Approach(NamedTuple):
     singular: bool
 
 
-class _Place(NamedTuple):
+class _Sample(NamedTuple):
     """A configuration, the pose of the frame there, and both matrices."""
 
     q: Array
@@ -55,20 +68,33 @@ class _Place(NamedTuple):
 
 
 class _Anchor(NamedTuple):
-    """A place with which later ones are compared: it and the pseudoinverses of its matrices."""
+    """A sample with which the next ones are compared, and the pseudoinverses of its matrices."""
 
-    place: _Place
+    sample: _Sample
     M_inverse: Array
     #: None where the drives do not determine the motion.
     D_inverse: Array | None
 
 
+class _FrameRows(NamedTuple):
+    """The rows of M at a configuration, and the pose of the frame there."""
+
+    Phi: Array
+    J: Array
+    pose: pin.SE3
+
+
 class FrameGuide:
     """Leads a frame of a robot from pose to pose, in its working and assembly modes.
 
-    `generic` is a configuration without symmetry, shape (nq,). `position` and `orientation` say
-    which of the two count. `drives(q)` is a matrix, shape (k, nv), free of units: times v it gives
-    the rates that determine the motion, by default those of the coordinates.
+    Args:
+        mechanism: The robot.
+        generic: A configuration without symmetry, shape (nq,); it shows the usual ranks of M and D.
+        frame: Name of the frame.
+        position: Whether the position of the frame counts.
+        orientation: Whether its orientation counts.
+        drives: Gives for q a matrix, shape (k, nv), free of units: times v it gives the rates that
+            determine the motion. By default these are the rates of the coordinates.
     """
 
     def __init__(
@@ -78,21 +104,31 @@ class FrameGuide:
         frame: str,
         position: bool,
         orientation: bool,
-        drives: Callable[[Array], Array] | None = None,
+        drives: MatrixOf | None = None,
     ) -> None:
-        coordinates = np.eye(mechanism.model.nv)[mechanism.coordinates]
-        self._mechanism, self._drives = mechanism, drives or (lambda _: coordinates)
+        self._mechanism = mechanism
         self._loops = Loops(mechanism.model, mechanism.closures)
-        self._name, self._frame = frame, frame_id(mechanism.model, frame)
-        #: Which components of a twist [linear; angular] count, and their units.
+        self._name = frame
+        self._frame = frame_id(mechanism.model, frame)
+        if drives is None:
+            rows_of_coordinates = np.eye(mechanism.model.nv)[mechanism.coordinates]
+            self._drives: MatrixOf = lambda _: rows_of_coordinates
+        else:
+            self._drives = drives
+        self._position_counts = position
+        self._orientation_counts = orientation
+        #: Which components of a twist [linear; angular] count, shape (6,), and their units.
         self._counts = np.repeat([position, orientation], 3)
-        self._unit = np.repeat([mechanism.length, 1.0], 3)[self._counts]
-        place = self._place(generic)
-        self._M_rank, self._D_rank = _rank(place.M), _rank(place.D)
+        self._units = np.repeat([mechanism.length, 1.0], 3)[self._counts]
+        sample = self._sample(generic)
+        self._M_rank = _rank(sample.M)
+        self._D_rank = _rank(sample.D)
+
+    # --- motions ----------------------------------------------------------------------------
 
     def pose(self, q: Array) -> pin.SE3:
         """Where the frame is."""
-        return self._rows(q)[2]
+        return self._rows(q).pose
 
     def follow(
         self, q: Array, target: pin.SE3, shortest: float = 2**-10, nearby: bool = False
@@ -103,30 +139,36 @@ class FrameGuide:
         `nearby`, poses in between need not be reached exactly: some frames cannot move in all
         directions.
         """
-        anchor = self._anchor(self._place(q))
-        start = anchor.place.pose
-        turn = pin.log3(start.rotation.T @ target.rotation)
-        done, step, singular = 0.0, 1.0, False
+        anchor = self._anchor(self._sample(q))
+        start = anchor.sample.pose
+        done = 0.0
+        step = 1.0
+        singular = False  # whether the drives, and not the frame, stopped the last step
         while done < 1 and step >= shortest:
-            part = min(1.0, done + step)
-            p = start.translation + part * (target.translation - start.translation)
-            pose = pin.SE3(start.rotation @ pin.exp3(part * turn), p)
-            place = self._solved(anchor.place.q, pose, exact=part == 1 or not nearby)
-            if place is None:
-                M_change, D_change = 2 * CHANGE, 0.0
-            else:
-                M_change = _change(anchor.M_inverse, place.M - anchor.place.M)
-                D_change = _change(anchor.D_inverse, place.D - anchor.place.D)
+            fraction = min(1.0, done + step)
+            pose = _between(start, target, fraction)
+            sample = self._solved(anchor.sample.q, pose, exact=fraction == 1 or not nearby)
+            if sample is None:
+                singular = False
+                step *= _SHORTER
+                continue
+            M_change = _change(anchor.M_inverse, sample.M - anchor.sample.M)
+            D_change = _change(anchor.D_inverse, sample.D - anchor.sample.D)
             singular = M_change <= CHANGE < D_change
             change = max(M_change, D_change)
-            if place is not None and change <= CHANGE:
-                anchor, done = self._anchor(place), part
-            # The change is about proportional to the step; the next one aims at 0.8 of the limit.
-            step *= min(2.0, 0.8 * CHANGE / max(change, 0.1))
-        end = anchor.place
+            if change <= CHANGE:
+                anchor = self._anchor(sample)
+                done = fraction
+            # The change is about proportional to the step. Where it is infinite, the motion ends.
+            if change > 0:
+                step *= min(2.0, _AIM * CHANGE / change)
+            else:
+                step *= 2.0
+        end = anchor.sample
         if done == 1:
             return Approach(end.q, 0.0, singular=False)
-        return Approach(end.q, float(np.abs(self._error(end.pose, target)).max()), singular)
+        missed = float(np.abs(self._error(end.pose, target)).max())
+        return Approach(end.q, missed, singular)
 
     def lead(self, q: Array, target: pin.SE3) -> Array:
         """The configuration that puts the frame at a pose; an error if it misses the pose."""
@@ -135,90 +177,122 @@ class FrameGuide:
             raise self._unreached(end, target)
         return end.q
 
+    # --- at a configuration -----------------------------------------------------------------
+
+    def _sample(self, q: Array) -> _Sample:
+        rows = self._rows(q)
+        M = np.vstack([rows.Phi, rows.J])
+        D = np.vstack([rows.Phi, self._drives(q)])
+        return _Sample(q, rows.pose, M, D)
+
+    def _anchor(self, sample: _Sample) -> _Anchor:
+        M_inverse = np.asarray(np.linalg.pinv(sample.M, RANK_TOLERANCE), dtype=float)
+        if _rank(sample.D) < self._D_rank:
+            return _Anchor(sample, M_inverse, None)
+        return _Anchor(sample, M_inverse, np.asarray(np.linalg.pinv(sample.D, RANK_TOLERANCE)))
+
+    def _rows(self, q: Array) -> _FrameRows:
+        """Rows of the closures and of what counts of the frame; the loops are evaluated at q."""
+        mechanism = self._mechanism
+        Phi = scaled_Phi(mechanism, self._loops, q)
+        J = self._loops.frame_jacobian(self._frame)[self._counts]
+        J = J / self._units[:, None] * mechanism.rate_scale
+        return _FrameRows(Phi, J, self._loops.data.oMf[self._frame].copy())
+
+    def _error(self, at: pin.SE3, target: pin.SE3) -> Array:
+        """What counts of `pose_error`, free of units."""
+        error = pose_error(at, target.translation, target.rotation)
+        return np.asarray(error[self._counts] / self._units)
+
+    # --- Newton's method --------------------------------------------------------------------
+
+    def _solved(self, q: Array, target: pin.SE3, exact: bool) -> _Sample | None:
+        """The sample next to q with closed loops and the frame at its target; None without one.
+
+        Unless it is `exact`, the frame is as near to its target as it can be: closures have a large
+        weight in the least squares. Steps must become shorter, until the last one.
+        """
+        mechanism = self._mechanism
+        rows_of_closures = len(mechanism.row_scale)
+        weights = np.ones(rows_of_closures + len(self._units))
+        last = _LAST
+        if not exact:
+            weights[:rows_of_closures] = _HEAVY
+            last = _LAST_NEARBY
+        longest = _LONGEST
+        for _ in range(_STEPS):
+            rows = self._rows(q)
+            f_of_closures = self._loops.f * mechanism.row_scale
+            f = np.concatenate([f_of_closures, -self._error(rows.pose, target)])
+            M = np.vstack([rows.Phi, rows.J]) * weights[:, None]
+            step = np.linalg.lstsq(M, -f * weights, rcond=RANK_TOLERANCE)[0]
+            size = float(np.abs(step).max())
+            if not size <= longest:  # NaN ends it too
+                return None
+            q = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
+            longest = size
+            if size <= last:
+                # f is the one before the last step, which lowers it further.
+                must_vanish = f if exact else f_of_closures
+                if np.abs(must_vanish).max(initial=0.0) <= CLOSURE_TOLERANCE:
+                    return self._sample(q)
+                return None
+        return None
+
+    # --- errors -----------------------------------------------------------------------------
+
     def _unreached(self, end: Approach, target: pin.SE3) -> SSTError:
         """The error of a motion that ends before its target."""
-        here = self._place(end.q)
+        here = self._sample(end.q)
         error = pose_error(here.pose, target.translation, target.rotation)
         distances = list[str]()
-        if self._counts[0]:
+        if self._position_counts:
             distances.append(f"{np.linalg.norm(error[:3]):.3g} m")
-        if self._counts[3]:
+        if self._orientation_counts:
             distances.append(f"{np.linalg.norm(error[3:]):.3g} rad")
         problem = (
             f"frame {self._name} does not reach the pose: it misses it by {' and '.join(distances)}"
         )
-        ends = "; the motion ends where {} cannot move in all directions; start elsewhere"
         if end.singular:
-            problem += ends.format("the coordinates")
-            return SingularConfigurationError(problem, _condition(here.D, self._D_rank))
+            return SingularConfigurationError(
+                f"{problem}; the motion ends where the coordinates cannot move in all directions; "
+                "start elsewhere",
+                _condition(here.D, self._D_rank),
+            )
         if _rank(here.M) < self._M_rank:
-            problem += ends.format("the frame")
-            return SingularConfigurationError(problem, _condition(here.M, self._M_rank))
-        # No joint rates move the frame towards the target while the loops stay closed.
-        wanted = self._error(here.pose, target)
-        right = np.append(np.zeros(len(here.M) - len(wanted)), wanted)
-        missing = right - here.M @ np.linalg.lstsq(here.M, right, rcond=RANK_TOLERANCE)[0]
-        if np.abs(missing).max() > np.sqrt(RANK_TOLERANCE) * np.abs(wanted).max():
+            return SingularConfigurationError(
+                f"{problem}; the motion ends where the frame cannot move in all directions; start "
+                "elsewhere",
+                _condition(here.M, self._M_rank),
+            )
+        if not self._can_move_towards(here, target):
             return WorkspaceError(f"{problem}, in a direction in which it has too few freedoms")
         return WorkspaceError(
             f"{problem}; it is out of reach, or behind a singular configuration on the straight "
             "path; start closer to it"
         )
 
-    def _place(self, q: Array) -> _Place:
-        Phi, J, pose = self._rows(q)
-        return _Place(q, pose, np.vstack([Phi, J]), np.vstack([Phi, self._drives(q)]))
-
-    def _rows(self, q: Array) -> tuple[Array, Array, pin.SE3]:
-        """Rows of the closures and of the frame, free of units, and the frame's pose."""
-        Phi, data = scaled_Phi(self._mechanism, self._loops, q), self._loops.data
-        J = self._loops.frame_jacobian(self._frame)
-        J = J[self._counts] / self._unit[:, None] * self._mechanism.rate_scale
-        return Phi, J, data.oMf[self._frame].copy()
-
-    def _error(self, at: pin.SE3, target: pin.SE3) -> Array:
-        """What counts of `pose_error`, free of units."""
-        error = pose_error(at, target.translation, target.rotation)
-        return np.asarray(error[self._counts] / self._unit)
-
-    def _solved(self, q: Array, target: pin.SE3, exact: bool) -> _Place | None:
-        """The configuration next to q with closed loops and the frame at its target.
-
-        Unless it is `exact`, the frame is as near to its target as it can be.
-        """
-        mechanism, rows = self._mechanism, len(self._mechanism.row_scale)
-        before = _LONGEST
-        weights = np.ones(rows + len(self._unit))
-        weights[:rows] = 1.0 if exact else _HEAVY
-        for _ in range(_STEPS):
-            Phi, J, pose = self._rows(q)
-            open_by = self._loops.f * mechanism.row_scale
-            f = np.concatenate([open_by, -self._error(pose, target)])
-            M = np.vstack([Phi, J]) * weights[:, None]
-            step = np.linalg.lstsq(M, -f * weights, rcond=RANK_TOLERANCE)[0]
-            size = float(np.abs(step).max())
-            if not size <= before:
-                break
-            q = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
-            before = size
-            if size > (_LAST if exact else _LAST_NEARBY):
-                continue
-            must_vanish = f if exact else f[:rows]
-            if np.abs(must_vanish).max(initial=0.0) <= CLOSURE_TOLERANCE:
-                return self._place(q)
-            break
-        return None
-
-    def _anchor(self, place: _Place) -> _Anchor:
-        M_inverse = np.asarray(np.linalg.pinv(place.M, RANK_TOLERANCE), dtype=float)
-        if _rank(place.D) < self._D_rank:
-            return _Anchor(place, M_inverse, None)
-        return _Anchor(place, M_inverse, np.asarray(np.linalg.pinv(place.D, RANK_TOLERANCE)))
+    def _can_move_towards(self, here: _Sample, target: pin.SE3) -> bool:
+        """Whether joint rates with Phi v = 0 move the frame towards the target, J v = error."""
+        wanted = self._error(here.pose, target)
+        at_rest = np.zeros(len(here.M) - len(wanted))
+        right = np.concatenate([at_rest, wanted])
+        v = np.linalg.lstsq(here.M, right, rcond=RANK_TOLERANCE)[0]
+        missing = right - here.M @ v
+        bound = np.sqrt(RANK_TOLERANCE) * np.abs(wanted).max()
+        return bool(np.abs(missing).max() <= bound)
 
 
-def _change(inverse: Array | None, by: Array) -> float:
+def _between(start: pin.SE3, target: pin.SE3, fraction: float) -> pin.SE3:
+    """The pose at a fraction of the straight path from start to target."""
+    p = start.translation + fraction * (target.translation - start.translation)
+    turn = pin.log3(start.rotation.T @ target.rotation)
+    return pin.SE3(start.rotation @ pin.exp3(fraction * turn), p)
+
+
+def _change(inverse: Array | None, difference: Array) -> float:
     """|M_a^+ (M_b - M_a)|; infinite without an inverse."""
-    return np.inf if inverse is None else float(np.linalg.norm(inverse @ by))
+    return np.inf if inverse is None else float(np.linalg.norm(inverse @ difference))
 
 
 def _rank(M: Array) -> int:
@@ -229,6 +303,9 @@ def _condition(M: Array, rank: int) -> float:
     """Condition number of a matrix that has this rank elsewhere."""
     sizes = np.linalg.svd(M, compute_uv=False)
     return float(sizes[0] / max(sizes[rank - 1], 1e-300))
+
+
+# --- frame_configuration ------------------------------------------------------------------------
 
 
 def frame_configurations(
@@ -245,11 +322,18 @@ def frame_configurations(
     mechanism = assembly.mechanism
     p = None if position is None else finite_array("position", position, (3,))
     R = None if rotation is None else rotations("rotation", rotation)
-    size, free = (mechanism.model.nq,), mechanism.dependent
     guide = FrameGuide(mechanism, generic, frame, p is not None, R is not None)
+    size = (mechanism.model.nq,)
     q = finite_array("start", start, size)
-    q = for_each_sample(lambda q: assembly.assemble(q, free), [q], (1,), size)
-    return for_each_sample(lambda q, p, R: guide.lead(q, pose_of(p, R)), [q, p, R], (1, 1, 2), size)
+
+    def closed(q: Array) -> Array:
+        return assembly.assemble(q, mechanism.dependent)
+
+    def led(q: Array, p: Array | None, R: Array | None) -> Array:
+        return guide.lead(q, pose_of(p, R))
+
+    q = for_each_sample(closed, [q], (1,), size)
+    return for_each_sample(led, [q, p, R], (1, 1, 2), size)
 
 
 def rotations(name: str, value: ArrayLike) -> Array:
@@ -268,6 +352,9 @@ def pose_of(position: Array | None, R: Array | None) -> pin.SE3:
 
 def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:
     """From a pose to a target, in base axes, [m] and [rad], shape (3,) or (6,)."""
-    away = [] if position is None else [position - at.translation]
-    turn = [] if R is None else [at.rotation @ pin.log3(at.rotation.T @ R)]
-    return np.concatenate([*away, *turn])
+    parts = list[Array]()
+    if position is not None:
+        parts.append(position - at.translation)
+    if R is not None:
+        parts.append(at.rotation @ pin.log3(at.rotation.T @ R))
+    return np.concatenate(parts)
