@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -25,10 +26,14 @@ from .joint_limits import JointLimits
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-# A row is open if its error is above both `_ASSEMBLED` and `Assembly._rounding`. Newton's method
-# goes on below that, until the error is below `_POLISHED` or the rounding of the positions.
-#: Largest error of an assembled configuration.
+# Two bounds of errors: a configuration is assembled if the error of each row is below `_ASSEMBLED`,
+# or below the rounding of the row. Newton's method goes on below that, while it improves, until the
+# error of each group is below `_POLISHED`, or below the rounding of the frames' coordinates.
+#: Largest error of a row in an assembled configuration.
 _ASSEMBLED = 1e-11
+#: Newton's method ends at this error of a group.
+_POLISHED = 1e-4 * _ASSEMBLED
+#: Most steps of Newton's method.
 _STEPS = 100
 #: A group does not close if its error falls by less than a tenth in this number of steps.
 _PATIENCE = 10
@@ -37,16 +42,28 @@ _PATIENCE = 10
 _STRIDE = 0.5
 #: A step is rejected if the error does not fall after this number of halvings.
 _HALVINGS = 20
-#: Relative rounding of a position.
+#: Relative rounding of a number.
 _ROUNDING = float(np.finfo(float).eps)
-#: Newton's method goes on down to this error, although loops count as closed before.
-_POLISHED = 1e-4 * _ASSEMBLED
-#: Singular values below this part of the largest, or of one, count as zero.
+#: Singular values below this part of the largest count as zero; see `_shortest`.
 _NO_RANK = 1e-10
 #: Loops that stay open by less are tried again with the tolerance of rounded placements.
 _NEARLY = 10 * ROUNDED_PLACEMENTS
+#: Largest width of the random starts of `Assembly.try_starts`, [rad] or lengths of the loop.
+_AROUND = 2.0
 #: Largest motion of a joint in `Assembly.aside`, [rad] or lengths of the loop.
 _ASIDE = 0.2
+
+
+class _GroupIndices(NamedTuple):
+    """A group of loops that share no free joint with others.
+
+    Attributes:
+        rows: Indices of its rows.
+        rates: Indices of its free rates.
+    """
+
+    rows: Indices
+    rates: Indices
 
 
 class Assembly:
@@ -56,13 +73,17 @@ class Assembly:
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
-        self.mechanism, self.loops = mechanism, loops
+        self.mechanism = mechanism
+        self.loops = loops
+        #: The rows that bind the steps.
         if slipping:
             self._rows = np.flatnonzero(loops.holonomic)
         else:
             self._rows = np.arange(len(loops.holonomic))
+        #: Factors that make Phi free of units.
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
-        self._groups_of_free: dict[bytes, list[tuple[Indices, Indices]]] = {}
+        #: The groups for each set of free rates, which is the key, as bytes.
+        self._groups_of_free: dict[bytes, list[_GroupIndices]] = {}
 
     # --- closed configurations --------------------------------------------------------------
 
@@ -109,13 +130,16 @@ class Assembly:
     ) -> Array:
         """The first assembly from q and random starts around it; the error is that of the best."""
         random = np.random.default_rng(seed)
-        model, failures = self.mechanism.model, list[ClosureError]()
+        model = self.mechanism.model
+        failures = list[ClosureError]()
         for k in range(tries):
             start = q
-            if k:
-                aside = np.zeros(model.nv)
-                aside[free] = 2.0 * k / (tries - 1) * random.normal(size=len(free))
-                start = pin.integrate(model, q, aside * self.mechanism.rate_scale)
+            if k > 0:
+                # The starts lie farther and farther from q.
+                width = _AROUND * k / (tries - 1)
+                displacement = np.zeros(model.nv)
+                displacement[free] = width * random.normal(size=len(free))
+                start = pin.integrate(model, q, displacement * self.mechanism.rate_scale)
             try:
                 return self.assemble(start, free, limits=limits)
             except ClosureError as error:
@@ -127,7 +151,7 @@ class Assembly:
         mechanism = self.mechanism
         motions = free_motions(scaled_Phi(mechanism, self.loops, q))
         random = np.random.default_rng(seed)
-        # A projection does not depend on the basis of the motions.
+        # The projection of a random vector does not depend on the basis of the motions.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
         step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
         guess = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
@@ -154,59 +178,73 @@ class Assembly:
     def _newton(
         self, q: Array, free: Indices, limits: JointLimits | None, tolerance: float = _NO_RANK
     ) -> tuple[Array, Indices]:
-        """A configuration near q with the loops closed where possible, and the open rows."""
+        """A configuration near q with the loops closed where possible, and the open rows.
+
+        It ends when no group is left that still moves and improves.
+        """
         f = self._error(q)
         groups = self._groups(free)
         for _ in range(_STEPS):
             for group in groups:
-                group.sizes.append(group.size(f))
+                group.add_error(f)
             groups = [group for group in groups if group.improves]
             if not groups:
                 break
-            Phi = self.loops.Phi * self._scale
+            Phi = self.loops.Phi * self._scale  # at q, where `_error` was called last
             step = np.zeros(Phi.shape[1])
             for group in groups:
-                A, right = Phi[group.rows], -f[group.rows]
-                if limits is None:
-                    part = _shortest(A[:, group.rates], right, tolerance)
-                else:
-                    part = _within_limits(q, group.rates, A, right, tolerance, limits)
-                step[group.rates] = part * self._shortening(group.rates, part)
-                if limits is not None:
-                    step[group.rates] *= limits.reach(q, group.rates, step[group.rates])
-            q, f = self._line_search(q, f, step, groups, Phi)
-            groups = [group for group in groups if step[group.rates].any()]
+                step[group.rates] = self._step_of_group(group, q, f, Phi, limits, tolerance)
+            q, f, groups = self._line_search(q, f, Phi, step, groups)
         return q, self._rows[self._is_open(q, f)[self._rows]]
 
-    def _shortening(self, rates: Indices, step: Array) -> float:
-        """The factor that makes a step at most `_STRIDE` long, 1 for shorter steps."""
+    def _step_of_group(
+        self,
+        group: _Group,
+        q: Array,
+        f: Array,
+        Phi: Array,
+        limits: JointLimits | None,
+        tolerance: float,
+    ) -> Array:
+        """Newton's step of the rates of a group, shape (its rates,), shortened to what is allowed.
+
+        Its length is at most `_STRIDE`, and it does not lead beyond limits.
+        """
+        rates = group.rates
+        Phi_of_group = Phi[group.rows][:, rates]
+        right = -f[group.rows]
+        if limits is None:
+            step = _shortest(Phi_of_group, right, tolerance)
+        else:
+            step = _within_limits(q, rates, Phi_of_group, right, tolerance, limits)
         longest = np.abs(step[self.loops.curved[rates]]).max(initial=0.0)
-        return float(_STRIDE / max(_STRIDE, longest))
+        step = step * float(_STRIDE / max(_STRIDE, longest))
+        if limits is not None:
+            step = step * limits.fraction_to_limit(q, rates, step)
+        return step
 
     def _line_search(
-        self, q: Array, f: Array, step: Array, groups: list[_Group], Phi: Array
-    ) -> tuple[Array, Array]:
-        """The configuration after a step, and its errors.
+        self, q: Array, f: Array, Phi: Array, step: Array, groups: list[_Group]
+    ) -> tuple[Array, Array, list[_Group]]:
+        """The configuration after a step, its errors, and the groups that have moved.
 
-        The step of each group is halved, in `step`, until the group's error falls. It becomes zero
-        if the error does not fall, or if the error before the step is rounding already, which no
-        step can lower.
+        The step of each group is halved until the group's error falls. It becomes zero if the error
+        does not fall, or if the error f before the step is rounding already, which no step can
+        lower.
         """
         model = self.mechanism.model
         scale = self.mechanism.rate_scale
+        step = step.copy()
         halvings = 0
         # Each pass halves the steps of some groups or ends them, so that the loop ends. Groups
         # share no free joint, so that they do not disturb each other.
         while True:
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._error(trial)
-            worse = [
-                group
-                for group in groups
-                if step[group.rates].any() and not group.size(f_trial) < group.size(f)
-            ]
+            moving = [group for group in groups if step[group.rates].any()]
+            worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
-                return trial, f_trial
+                return trial, f_trial, moving
             rounding = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
                 is_rounding = (np.abs(f[group.rows]) < rounding[group.rows]).all()
@@ -217,14 +255,17 @@ class Assembly:
             halvings += 1
 
     def _error(self, q: Array) -> Array:
-        """f at q, shape (rows,); the loops are evaluated at q."""
+        """f at q, free of units, shape (rows,); the loops are evaluated at q."""
         self.loops.evaluate(q)
         return self.loops.f * self.mechanism.row_scale
 
     # --- open rows --------------------------------------------------------------------------
 
     def _is_open(self, q: Array, f: Array) -> Flags:
-        """Which rows are open at q by more than rounding, shape (rows,), for `_error` f of q."""
+        """Which rows are open by more than rounding, shape (rows,).
+
+        f is the error at q, where `_error` was called last.
+        """
         closed = np.abs(f) < _ASSEMBLED  # not if f is NaN
         if not closed.all():
             closed |= np.abs(f) < self._rounding(q, self.loops.Phi * self._scale)
@@ -233,7 +274,8 @@ class Assembly:
     def _rounding(self, q: Array, Phi: Array) -> Array:
         """Rounding of f, shape (rows,); the loops are evaluated at q or near it.
 
-        It grows with turns of the joints and with the distance of the loops from the origin.
+        It grows with turns of the joints and with the distance of the loops from the origin: a
+        position q_k has an error of its size times `_ROUNDING`, which Phi takes to f.
         """
         # Joints whose coordinate is one number, which may contain many turns.
         entries, rates = self.mechanism.space.plain
@@ -265,26 +307,29 @@ class Assembly:
         """The groups of loops that share no free joint; call it after `_error`."""
         key = free.tobytes()
         if key not in self._groups_of_free:
-            self._groups_of_free[key] = self._rows_and_rates(free)
+            self._groups_of_free[key] = self._indices_of_groups(free)
         rounding = _ROUNDING * self.loops.largest_coordinates * self.mechanism.row_scale
-        return [
-            _Group(rows, rates, max(_POLISHED, float(rounding[rows].max(initial=0.0))))
-            for rows, rates in self._groups_of_free[key]
-        ]
+        groups = list[_Group]()
+        for rows, rates in self._groups_of_free[key]:
+            least = max(_POLISHED, float(rounding[rows].max(initial=0.0)))
+            groups.append(_Group(rows, rates, least))
+        return groups
 
-    def _rows_and_rates(self, free: Indices) -> list[tuple[Indices, Indices]]:
+    def _indices_of_groups(self, free: Indices) -> list[_GroupIndices]:
         """Rows and free rates of each group of loops that share no free joint."""
-        loops, nv = self.loops, self.loops.model.nv
-        of_closures = np.zeros((len(loops.slices), nv), dtype=bool)
+        loops = self.loops
+        # A closure as a whole belongs to one group: a row for each closure, which says the rates
+        # that it depends on.
+        touched_by_closure = np.zeros((len(loops.slices), loops.model.nv), dtype=bool)
         closure_of_row = np.zeros(len(loops.touched), dtype=np.intp)
-        for k, rows in enumerate(loops.slices):
-            of_closures[k] = loops.touched[rows].any(axis=0)
-            closure_of_row[rows] = k
-        groups = list[tuple[Indices, Indices]]()
-        for closures, columns in connected(of_closures[:, free]):
-            rows_of_group = self._rows[np.isin(closure_of_row[self._rows], closures)]
-            if len(rows_of_group):
-                groups.append((rows_of_group, free[columns]))
+        for closure, rows in enumerate(loops.slices):
+            touched_by_closure[closure] = loops.touched[rows].any(axis=0)
+            closure_of_row[rows] = closure
+        groups = list[_GroupIndices]()
+        for closures, columns in connected(touched_by_closure[:, free]):
+            is_in_group = np.isin(closure_of_row[self._rows], closures)
+            if is_in_group.any():
+                groups.append(_GroupIndices(rows=self._rows[is_in_group], rates=free[columns]))
         return groups
 
 
@@ -308,9 +353,13 @@ class _Group:
         part = f[self.rows]
         return math.sqrt(part.dot(part))
 
+    def add_error(self, f: Array) -> None:
+        """Add the error at another configuration to `sizes`."""
+        self.sizes.append(self.size(f))
+
     @property
     def improves(self) -> bool:
-        """Whether the group is open, and its error has fallen in the last steps."""
+        """Whether the group is open, and its error has fallen in the last `_PATIENCE` steps."""
         size = self.sizes[-1]
         if len(self.sizes) <= _PATIENCE:
             return self.least <= size < math.inf
@@ -320,8 +369,8 @@ class _Group:
 def _shortest(A: Array, right: Array, tolerance: float) -> Array:
     """The shortest x with the least |A x - right|, for rows free of units.
 
-    Singular values below `tolerance` times the largest count as zero. The largest counts as one at
-    least, as rows that hold a motion have the natural size one.
+    Singular values below `tolerance` times the largest count as zero. If the largest is below one,
+    they are compared with one, as rows that hold a motion have the natural size one.
     """
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     rank = np.count_nonzero(s > tolerance * s.max(initial=1.0))
@@ -333,13 +382,14 @@ def _within_limits(
 ) -> Array:
     """Newton's step of some rates; those that lead beyond a limit stay at rest.
 
-    Without them the others take another step, which may lead to another limit.
+    Without them the others take another step, which may lead to another limit. Phi has the columns
+    of these rates.
     """
     moving = np.ones(len(rates), dtype=bool)
     while True:
         step = np.zeros(len(rates))
-        step[moving] = _shortest(Phi[:, rates[moving]], right, tolerance)
-        beyond = moving & ~limits.allowed(q, rates, step)
+        step[moving] = _shortest(Phi[:, moving], right, tolerance)
+        beyond = moving & ~limits.can_step(q, rates, step)
         if not beyond.any():
             return step
         moving &= ~beyond
