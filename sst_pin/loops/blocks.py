@@ -7,6 +7,7 @@ whole.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,62 +39,81 @@ class Blocks:
         return Phi[self.rows[:, :, None], self.rates[:, None, :]]
 
 
+class _Block(NamedTuple):
+    """Indices of the rows and rates of one block."""
+
+    rows: Indices
+    rates: Indices
+
+
 def diagonal_blocks(mechanism: Mechanism, loops: Loops) -> list[Blocks]:
     """All diagonal blocks of Phi, those of one shape together.
 
     Their ranks are judged at the mechanism's example. Without one, each part of Phi that shares no
     dependent rate with the others is one block.
     """
-    Phi = np.zeros(loops.touched.shape)
+    Phi = np.zeros(loops.touched.shape)  # without ranks, so that no loop determines its rates
     if mechanism.example is not None:
         Phi = scaled_Phi(mechanism, loops, mechanism.example)
-    of_shape = dict[tuple[int, int], list[tuple[Indices, Indices]]]()
+    blocks_of_shape = dict[tuple[int, int], list[_Block]]()
     for rows, columns in connected(loops.touched[:, mechanism.dependent]):
         for block in _blocks_of_part(loops, Phi, rows, mechanism.dependent[columns]):
-            block_rows, block_rates = block
-            of_shape.setdefault((len(block_rows), len(block_rates)), []).append(block)
-    return [
-        Blocks(
-            rows=np.array([rows for rows, _ in alike]),
-            rates=np.array([rates for _, rates in alike]),
-            usual_sizes=np.array([mechanism.usual_size(*block) for block in alike]),
+            shape = (len(block.rows), len(block.rates))
+            blocks_of_shape.setdefault(shape, []).append(block)
+    result = list[Blocks]()
+    for blocks in blocks_of_shape.values():
+        usual_sizes = [mechanism.usual_size(block.rows, block.rates) for block in blocks]
+        result.append(
+            Blocks(
+                rows=np.array([block.rows for block in blocks]),
+                rates=np.array([block.rates for block in blocks]),
+                usual_sizes=np.array(usual_sizes),
+            )
         )
-        for alike in of_shape.values()
-    ]
+    return result
 
 
-def _blocks_of_part(
-    loops: Loops, Phi: Array, rows: Indices, rates: Indices
-) -> list[tuple[Indices, Indices]]:
-    """Rows and rates of the diagonal blocks of one part of Phi.
+def _blocks_of_part(loops: Loops, Phi: Array, rows: Indices, rates: Indices) -> list[_Block]:
+    """The diagonal blocks of one part of Phi.
 
     A loop is a block if its rank is the number of its rates that are in no earlier block: it
     determines these rates. This holds only if the ranks of all loops of the part add up to the
     number of its rates. Otherwise other loops may determine the rates where one loop is singular,
     and the part is one block.
     """
-    blocks = list[tuple[Indices, Indices]]()
+    blocks = list[_Block]()
+    # `ranks` are those of the loops that are in no block yet, as are `rows` and `rates`.
     ranks = _ranks_of_loops(loops, Phi, rows, rates)
     while sum(ranks.values()) == len(rates):
-        for closure, rank in ranks.items():
-            loop = loops.slices[closure]
-            loop_rates = rates[loops.touched[loop, rates].any(axis=0)]
-            if 0 < len(loop_rates) == rank:
-                break
-        else:
-            break  # no loop determines its rates
-        loop_rows = np.arange(loop.start, loop.stop)
-        blocks.append((loop_rows, loop_rates))
-        rates = np.setdiff1d(rates, loop_rates)
-        rows = np.setdiff1d(rows, loop_rows)
+        closure = _determined_loop(loops, ranks, rates)
+        if closure is None:
+            break
+        loop = loops.slices[closure]
+        block = _Block(
+            rows=np.arange(loop.start, loop.stop),
+            rates=rates[loops.touched[loop, rates].any(axis=0)],
+        )
+        blocks.append(block)
+        rows = np.setdiff1d(rows, block.rows)
+        rates = np.setdiff1d(rates, block.rates)
         del ranks[closure]
     if len(rates):
-        blocks.append((rows, rates))
+        blocks.append(_Block(rows, rates))
     return blocks
 
 
+def _determined_loop(loops: Loops, ranks: dict[int, int], rates: Indices) -> int | None:
+    """The first loop whose rank is the number of its rates among `rates`, by its closure."""
+    for closure, rank in ranks.items():
+        loop = loops.slices[closure]
+        count = int(loops.touched[loop, rates].any(axis=0).sum())
+        if 0 < count == rank:
+            return closure
+    return None
+
+
 def _ranks_of_loops(loops: Loops, Phi: Array, rows: Indices, rates: Indices) -> dict[int, int]:
-    """The rank of each closure that has some of the rows, by its index."""
+    """The rank of each loop that has some of the rows, by the index of its closure."""
     ranks = dict[int, int]()
     for closure, loop in enumerate(loops.slices):
         if np.isin(np.arange(loop.start, loop.stop), rows).any():

@@ -3,10 +3,10 @@
 
 Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. If b
 is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes at the same
-coordinates, the mean of Phi over the line between them maps their difference to
-f(b) - f(a) = 0, so that it is singular. With (Phi_a + Phi_b) / 2 as the mean there is an x with
-Phi_a^+ (Phi_b - Phi_a) x = -2 x. Where |Phi_a^+ (Phi_b - Phi_a)| < 1, all matrices between Phi_a
-and Phi_b are regular. A step is continuous below 1/2, which leaves a margin; a longer one is
+coordinates, the mean of Phi over the line between them maps their difference to f(b) - f(a) = 0
+(the mean value theorem), so that it is singular. With (Phi_a + Phi_b) / 2 as the mean there is an x
+with Phi_a^+ (Phi_b - Phi_a) x = -2 x. Where |Phi_a^+ (Phi_b - Phi_a)| < 1, all matrices between
+Phi_a and Phi_b are regular. A step is continuous below 1/2, which leaves a margin; a longer one is
 divided. This measure does not depend on the units of rows. The determinant of all loops is no
 measure: it keeps its sign if two blocks become singular at once.
 """
@@ -58,8 +58,8 @@ class _Anchor:
 
     Attributes:
         sample: The sample.
-        inverses: Pseudoinverses of its blocks.
-        smallest: Their smallest singular values, 0 for those without full column rank.
+        inverses: Pseudoinverses of the sample's blocks, in arrays of the same shapes.
+        smallest: Smallest singular values of the blocks, 0 for blocks without full column rank.
     """
 
     sample: _Sample
@@ -69,11 +69,14 @@ class _Anchor:
     @classmethod
     def at(cls, sample: _Sample) -> "_Anchor":
         """The anchor at a sample."""
-        inverses, smallest = list[Array](), list[Array]()
+        inverses = list[Array]()
+        smallest = list[Array]()
         for blocks in sample.blocks:
             U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
-            reciprocals = np.where(s > 0, 1 / np.where(s > 0, s, 1), 0)[:, None]
-            inverses.append(np.swapaxes(Vt, 1, 2) @ np.swapaxes(U * reciprocals, 1, 2))
+            reciprocals = np.zeros_like(s)
+            np.divide(1.0, s, out=reciprocals, where=s > 0)
+            # V diag(1 / s) U^T
+            inverses.append(Vt.mT @ (U * reciprocals[:, None]).mT)
             has_full_rank = s.shape[1] == blocks.shape[2]
             smallest.append(s[:, -1] if has_full_rank else np.zeros(len(blocks)))
         return cls(sample, inverses, smallest)
@@ -87,8 +90,8 @@ class _Anchor:
 class Continuity:
     """Follows motions of one mechanism from a configuration to the next; one object per thread.
 
-    The last configuration and its anchor are kept, because the next motion mostly starts there. A
-    motion that starts elsewhere gets an anchor of its own.
+    The last sample and its anchor are kept, because the next motion mostly starts there, and SVDs
+    are slow. A motion that starts elsewhere gets an anchor of its own.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
@@ -96,6 +99,7 @@ class Continuity:
         self._loops = loops
         # Joints in linear couplings only may turn by any amount.
         self._curved = np.flatnonzero(loops.curved)
+        #: The diagonal blocks, those of one shape together.
         self._blocks = diagonal_blocks(mechanism, loops)
         self._last: _Sample | None = None
         self._anchor: _Anchor | None = None
@@ -112,35 +116,43 @@ class Continuity:
     ) -> tuple[float, Array]:
         """The fraction of a step that is continuous and regular, and the configuration at its end.
 
-        `path` gives configurations at fractions of the step; `limit` is the largest condition
-        number. `first` is the fraction that is tried first, for example where the motion reverses.
-        A step that needs more than `looks` configurations raises an error.
+        Args:
+            start: The configuration where the step begins.
+            path: Gives configurations at fractions of the step.
+            limit: Largest condition number of a regular configuration.
+            first: The fraction that is tried first, for example where the motion reverses.
+            looks: A step that needs more configurations raises a ClosureError.
         """
-        q, low, high, count = start, 0.0, first, 0
-        while low < 1 and high - low >= _SHORTEST:
+        q = start
+        done = 0.0  # up to this fraction the motion is continuous
+        end = first  # the fraction that is tried next
+        count = 0
+        while done < 1 and end - done >= _SHORTEST:
             if count == looks:
                 raise ClosureError(
-                    f"the motion is too long: {100 * low:.2g} % of it took {looks} steps; give "
+                    f"the motion is too long: {100 * done:.2g} % of it took {looks} steps; give "
                     "poses in between",
                     0.0,
                 )
             count += 1
-            configuration: Array | None = None
+            q_end: Array | None = None
             with suppress(SSTError):
-                configuration = path(q, low, high)
-            if configuration is not None and self._near(q, configuration, limit):
-                length = high - low
-                q, low, high = configuration, high, min(1.0, high + 2 * length)
+                q_end = path(q, done, end)
+            if q_end is not None and self._goes_on(q, q_end, limit):
+                q = q_end
+                length = end - done
+                done = end
+                end = min(1.0, done + 2 * length)
             else:
-                high = (low + high) / 2
-        return low, q
+                end = (done + end) / 2
+        return done, q
 
-    def _near(self, before: Array, after: Array, limit: float) -> bool:
-        """Whether the configuration `after` is next to `before`, and regular.
+    def _goes_on(self, before: Array, after: Array, limit: float) -> bool:
+        """Whether the configuration `after` is a regular neighbour of `before`; if so, go there.
 
-        An anchor serves many samples, because its SVDs are slow. `before` and `after` both lie
-        within `CHANGE` of it; so do all matrices between their Phi, which therefore are regular
-        too. If `after` is too far from the anchor, `before` becomes the anchor.
+        Both lie within `CHANGE` of the anchor; so do all matrices between their Phi, which
+        therefore are regular too. If `after` is too far from the anchor, `before` becomes the
+        anchor.
         """
         sample = self._sample(after)
         last = self._last
@@ -148,15 +160,13 @@ class Continuity:
         if last is None or anchor is None or not np.array_equal(last.q, before):
             last = self._sample(before)
             anchor = _Anchor.at(last)
-        near = self._continues(anchor, sample, limit)
-        if not near and anchor.sample is not last:
+        continues = self._continues(anchor, sample, limit)
+        if not continues and anchor.sample is not last:
             anchor = _Anchor.at(last)
-            near = self._continues(anchor, sample, limit)
-        if near:
-            last = sample
-        self._last = last
+            continues = self._continues(anchor, sample, limit)
         self._anchor = anchor
-        return near
+        self._last = sample if continues else last
+        return continues
 
     def _continues(self, anchor: _Anchor, sample: _Sample, limit: float) -> bool:
         """Whether a sample is a regular neighbour of an anchor."""
@@ -181,15 +191,15 @@ class Continuity:
         `largest_condition` takes the largest one as the usual size of the block at least, because
         a block may be small as a whole.
         """
-        for of_shape, blocks, smallest in zip(
-            self._blocks, sample.blocks, anchor.smallest, strict=True
-        ):
+        per_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
+        for of_shape, blocks, smallest in per_shape:
             largest = np.maximum(np.linalg.norm(blocks, axis=(1, 2)), of_shape.usual_sizes)
             if not (largest < limit * (1 - CHANGE) * smallest).all():
                 return False
         return True
 
     def _condition(self, sample: _Sample) -> float:
+        """The largest condition number of its blocks."""
         usual_sizes = [of_shape.usual_sizes for of_shape in self._blocks]
         return largest_condition(zip(sample.blocks, usual_sizes, strict=True))
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which rates that Phi allows at a closed pose belong to motions, and which only shake it.
+"""Which rates that Phi allows at a closed pose belong to motions, and which lead to no other pose.
 
 Rates v with Phi v = 0 keep the loops closed to first order. If a motion begins with them, then
-accelerations with Phi a = -Phi_dot v exist, Eq. (8). Where rows of Phi are independent, they always
-do. Where rows are redundant they may not, as in three parallel bars of different lengths between
-two bodies, or in two bars in one line: the velocities look free, but nothing moves.
+accelerations a with Phi a = -Phi_dot v exist, Eq. (8). Where rows of Phi are independent, they
+always do. Where rows are redundant they may not, as in three parallel bars of different lengths
+between two bodies, or in two bars in one line: the velocities look free, but nothing moves. Such
+rates only shake the pose.
 
 If accelerations exist for random rates, all rates belong to motions. Otherwise the robot is moved
 along each of them, its loops are closed again, and the poses are compared.
@@ -21,13 +22,13 @@ from .assembly import Assembly
 from .guesses import displacement
 from .ranks import free_motions, rank_of, scaled_Phi
 
-#: Length of the motions along rates, [rad] or lengths of the loop, the longest first. Shorter ones
-#: are tried if the loops do not close again.
-_LENGTHS = 0.05, 0.01, 0.002
-#: Part of a motion that is left after the loops are closed again. Where rates only shake a pose,
-#: closing returns to this pose, by all but 1e-3 of the motion; along motions it changes the pose by
-#: about the length of the motion times the motion.
-_MOVED = 0.5
+#: Lengths of the steps along rates, [rad] or lengths of the loop. Shorter ones are tried if the
+#: loops do not close again.
+_LENGTHS = (0.05, 0.01, 0.002)
+#: Rates belong to a motion if more than this part of a step along them remains after the loops are
+#: closed again. Where rates only shake a pose, closing returns to this pose: at most 1e-3 of the
+#: step remain. Along motions closing changes the step by about its length squared.
+_REMAINS = 0.5
 
 
 def finite_motions(assembly: Assembly, q: Array, rates: Indices | None = None) -> Array:
@@ -40,28 +41,31 @@ def finite_motions(assembly: Assembly, q: Array, rates: Indices | None = None) -
     if rates is None:
         rates = np.arange(nv)
     Phi = scaled_Phi(assembly.mechanism, assembly.loops, q)[:, rates]
-    of_rates = free_motions(Phi)
-    motions = np.zeros((nv, of_rates.shape[1]))
-    motions[rates] = of_rates
-    if has_accelerations(assembly, Phi, motions):
-        return motions
-    directions = _random_basis(assembly.mechanism, motions)
-    # Column k: the motion that is left of direction k, in the basis of the directions.
-    left = np.zeros((directions.shape[1], directions.shape[1]))
+    allowed_of_rates = free_motions(Phi)
+    allowed = np.zeros((nv, allowed_of_rates.shape[1]))
+    allowed[rates] = allowed_of_rates
+    if has_accelerations(assembly, Phi, allowed):  # the loops are still at q
+        return allowed
+    directions = _random_basis(assembly.mechanism, allowed)
+    # Column k: what remains of a step along direction k, in the basis of the directions. For a
+    # motion it is about the unit vector k, for rates that only shake the pose it is zero.
+    remaining = np.zeros((directions.shape[1], directions.shape[1]))
     for k, direction in enumerate(directions.T):
-        left[:, k] = directions.T @ _moved(assembly, q, direction, rates)
-    U, sizes, _ = np.linalg.svd(left)
-    return np.asarray(directions @ U[:, : np.count_nonzero(sizes > _MOVED)])
+        remaining[:, k] = directions.T @ _remaining_step(assembly, q, direction, rates)
+    U, sizes, _ = np.linalg.svd(remaining)
+    return np.asarray(directions @ U[:, : np.count_nonzero(sizes > _REMAINS)])
 
 
-def _random_basis(mechanism: Mechanism, motions: Array) -> Array:
-    """Another orthonormal basis of the motions, by random displacements that depend on names only.
+def _random_basis(mechanism: Mechanism, rates: Array) -> Array:
+    """Another orthonormal basis of the space of some rates, shape (nv, k).
 
-    Projections of displacements on the motions do not depend on the basis that is given.
+    The basis from an SVD depends on rounding where singular values are equal, as in a null space.
+    This one depends on the space only: random displacements, which are the same for the same names
+    of joints, are projected on it.
     """
-    count = motions.shape[1]
+    count = rates.shape[1]
     random = [displacement(mechanism, 1 + k / 100) / mechanism.rate_scale for k in range(count)]
-    basis, _ = np.linalg.qr(motions @ (motions.T @ np.transpose(random)))
+    basis, _ = np.linalg.qr(rates @ (rates.T @ np.transpose(random)))
     return np.asarray(basis)
 
 
@@ -69,9 +73,10 @@ def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
     """Whether Phi a = -Phi_dot v has a solution a for random rates v along the motions.
 
     It has one if Phi_dot v vanishes along the left null space of Phi. Phi, free of units, has the
-    columns of the rates that move, at the configuration of `assembly.loops`.
+    columns of the rates that move. `assembly.loops` must be evaluated at its configuration.
     """
-    mechanism, loops = assembly.mechanism, assembly.loops
+    mechanism = assembly.mechanism
+    loops = assembly.loops
     U, sizes, _ = np.linalg.svd(Phi)
     null_space = U[:, rank_of(sizes) :]
     if not null_space.shape[1] or not motions.shape[1]:
@@ -83,10 +88,14 @@ def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
     return bool(np.abs(null_space.T @ drift).max() <= bound)
 
 
-def _moved(assembly: Assembly, q: Array, direction: Array, rates: Indices) -> Array:
-    """The motion, relative to its length, that is left after a step is corrected, shape (nv,)."""
+def _remaining_step(assembly: Assembly, q: Array, direction: Array, rates: Indices) -> Array:
+    """What remains of a step along a direction when the loops are closed again, shape (nv,).
+
+    It is relative to the length of the step; zero if the loops do not close after any step.
+    """
     mechanism = assembly.mechanism
-    model, scale = mechanism.model, mechanism.rate_scale
+    model = mechanism.model
+    scale = mechanism.rate_scale
     for length in _LENGTHS:
         guess = pin.integrate(model, q, length * direction * scale)
         try:

@@ -15,7 +15,8 @@ from .line_kinematics import LineKinematics
 from .loops import Loops
 from .ranks import scaled_Phi
 
-#: A coordinate with a smaller part of the inertia that its bodies could have moves no mass.
+#: Coordinates move no mass where their inertia is less than this part of the largest that their
+#: bodies could have.
 _NO_MASS = 1e-8
 
 
@@ -28,24 +29,38 @@ def massless_rates(
     is scaled by the inertia that it would move if each body turned about its heaviest axis. The
     motions, without units, are those from the configuration q.
     """
-    Phi, unit = scaled_Phi(mechanism, loops, q), mechanism.rate_scale
+    Phi = scaled_Phi(mechanism, loops, q)
     chosen = choose_coordinates(mechanism, Phi, [coordinates], motions)
     if not len(chosen):
         return ()
-    L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
-    on_lines = np.zeros((len(chosen), len(chosen)))
-    if mechanism.lines.masses.any():
-        with suppress(SingularConfigurationError):  # where the ends of a line coincide
-            on_lines = L.T @ LineKinematics(mechanism).inertia(q) @ L
-    tree, L_tree = loops.tree.model, loops.tree.S @ L
-    inertia = L_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_tree + on_lines
+
+    # v = L v_chosen: the motions as functions of the rates that are chosen.
+    motions = mechanism.rate_scale[:, None] * motions
+    L = motions @ np.linalg.inv(motions[chosen])
+
+    # The mass matrix, and the diagonal of the one with the heaviest axes. The loops are at q.
+    tree = loops.tree.model
+    L_of_tree = loops.tree.S @ L
+    of_lines = _inertia_of_lines(mechanism, q, L)
+    inertia = L_of_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_of_tree + of_lines
     heaviest = pin.crba(_with_heaviest_axes(tree), loops.data, loops.q)
-    most = (L_tree * (heaviest @ L_tree)).sum(axis=0) + np.diag(on_lines)
-    scale = 1 / np.sqrt(np.maximum(np.abs(most), 1e-300))
+    largest = (L_of_tree * (heaviest @ L_of_tree)).sum(axis=0) + np.diag(of_lines)
+
+    # Singular directions of the scaled mass matrix, and the coordinates that take part in them.
+    scale = 1 / np.sqrt(np.maximum(np.abs(largest), 1e-300))
     values, vectors = np.linalg.eigh(scale[:, None] * inertia * scale)
-    without = vectors[:, np.abs(values) < _NO_MASS]
-    massless = np.abs(without).max(axis=1, initial=0.0) > INDEPENDENT
+    without_mass = vectors[:, np.abs(values) < _NO_MASS]
+    massless = np.abs(without_mass).max(axis=1, initial=0.0) > INDEPENDENT
     return tuple(np.array(mechanism.space.rate_names)[chosen[massless]].tolist())
+
+
+def _inertia_of_lines(mechanism: Mechanism, q: Array, L: Array) -> Array:
+    """L^T M L of the masses that move with the lengths of lines; zero where ends coincide."""
+    count = L.shape[1]
+    if mechanism.lines.masses.any():
+        with suppress(SingularConfigurationError):
+            return np.asarray(L.T @ LineKinematics(mechanism).inertia(q) @ L)
+    return np.zeros((count, count))
 
 
 def _with_heaviest_axes(tree: pin.Model) -> pin.Model:
