@@ -22,7 +22,7 @@ from .engine_arguments import Wrenches
 from .errors import DescriptionError, InputError, MissingExtraError
 from .former_names import FormerName, former_arguments
 from .loops.assembly_modes import AssemblyModes, modes_of
-from .loops.coordinates import settled
+from .loops.coordinates import with_chosen_coordinates
 from .loops.frame_guide import frame_configurations
 from .loops.geometry_correction import correct_geometry
 from .loops.mobility import Mobility
@@ -168,7 +168,9 @@ class ClosedChain(RobotProperties, Summary):
         self._mechanism_of = mechanism
         corrected = correct_geometry(mechanism(copied(model)))
         take_placements(model, corrected.model)
-        self._engine = Engine(settled(corrected), make_kernels, platform=self._platform)
+        self._engine = Engine(
+            with_chosen_coordinates(corrected), make_kernels, platform=self._platform
+        )
 
     def refresh(self) -> None:
         """Apply all edits of `model` and choose the coordinates again, as the constructor does.

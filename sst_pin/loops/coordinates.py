@@ -6,8 +6,8 @@ depends on its name, and names decide ties.
 """
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -36,16 +36,33 @@ _POORER = 10.0
 _FEW = 3
 #: Most configurations on the path from home.
 _LOOKS = 30
-#: Home is singular if Phi has a higher rank at this distance, [rad] or lengths of the loop. Its
-#: singular values that vanish at home are of about this size there; those that vanish there too are
-#: at most the square root of rounding, by which the closures fix such a pose.
-_BESIDE, _REGULAR = 1e-3, 1e-5
+#: Home is singular if Phi has a higher rank at this distance, [rad] or lengths of the loop.
+#: Singular values that vanish only at home are of about this size there.
+_BESIDE = 1e-3
+#: Smaller singular values count as zero there, relative to the largest or to one. Those that vanish
+#: everywhere are at most the square root of rounding, by which the closures fix such a pose.
+_REGULAR = 1e-5
 
 
-def settled(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with its coordinates chosen, and an example.
+class _Choice(NamedTuple):
+    """Indices in v of the coordinates, and a configuration of their assembly mode, or None."""
 
-    The coordinates that it has are kept.
+    coordinates: Indices
+    example: Array | None
+
+
+class _Motions(NamedTuple):
+    """A closed configuration, shape (nq,), and the motions from it, shape (nv, freedoms)."""
+
+    q: Array
+    motions: Array
+
+
+def with_chosen_coordinates(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with its coordinates chosen, and with what is judged at an example.
+
+    Coordinates that it has already are kept. The example is a closed configuration without
+    symmetry. Without one, only the coordinates are added.
 
     Warns:
         DescriptionWarning: If home is singular, or if motors cannot move.
@@ -60,11 +77,12 @@ def settled(mechanism: Mechanism) -> Mechanism:
         return replace(mechanism, coordinates=coordinates)
     motions = finite_motions(assembly, q)
     Phi = scaled_Phi(mechanism, loops, q)
-    rates = free_motions(Phi)
-    if rates.shape[1] > motions.shape[1]:
-        _warn_of_shaking(mechanism, rates, motions)
+    allowed = free_motions(Phi)
+    if allowed.shape[1] > motions.shape[1]:
+        _warn_of_shaking(mechanism, allowed, motions)
     else:
-        _warn_of_rigid_motors(mechanism, free_motions(Phi[~_of_brakes(mechanism)]))
+        motions_without_brakes = free_motions(Phi[~_are_of_brakes(mechanism)])
+        _warn_of_rigid_motors(mechanism, motions_without_brakes)
     return replace(
         mechanism,
         coordinates=coordinates,
@@ -74,8 +92,8 @@ def settled(mechanism: Mechanism) -> Mechanism:
     )
 
 
-def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
-    """Indices in v of the coordinates, and a configuration of their assembly mode, or None.
+def _choose(assembly: Assembly, wanted: Indices | None) -> _Choice:
+    """The coordinates and the example.
 
     The order of preference: the coordinates `wanted`; the motors' joints, as many as are
     independent; other joints by rank. They are judged at home. If home is missing or singular,
@@ -86,28 +104,30 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
     preferred = mechanism.driven if wanted is None else wanted
     home = _home(assembly, preferred)
     if home is not None:
-        q, motions = home
-        chosen = _chosen_at(assembly, q, motions, wanted)
-        return chosen, _without_symmetry(assembly, q, chosen)
+        coordinates = _coordinates_at(assembly, home, wanted)
+        return _Choice(coordinates, _without_symmetry(assembly, home.q, coordinates))
     try:
         best = _best_example(assembly, wanted)
     except ClosureError:
-        return preferred, None
-    return _chosen_at(assembly, best.q, best.motions, wanted), best.q
+        return _Choice(preferred, None)
+    return _Choice(_coordinates_at(assembly, best, wanted), best.q)
 
 
-def _chosen_at(assembly: Assembly, q: Array, motions: Array, wanted: Indices | None) -> Indices:
-    """The coordinates wanted, else those that describe the motions from q."""
+def _coordinates_at(assembly: Assembly, at: _Motions, wanted: Indices | None) -> Indices:
+    """The coordinates wanted, else those that describe the motions from a configuration."""
     if wanted is not None:
         return wanted
-    Phi = scaled_Phi(assembly.mechanism, assembly.loops, q)
-    return choose_coordinates(assembly.mechanism, Phi, motions=motions)
+    Phi = scaled_Phi(assembly.mechanism, assembly.loops, at.q)
+    return choose_coordinates(assembly.mechanism, Phi, motions=at.motions)
 
 
-def _of_brakes(mechanism: Mechanism) -> Flags:
+def _are_of_brakes(mechanism: Mechanism) -> Flags:
     """Which rows of Phi are those of brakes, shape (rows,)."""
-    rows = [isinstance(c, Brake) for c in mechanism.closures for _ in c.rows]
-    return np.array(rows, dtype=bool)
+    result = list[bool]()
+    for closure in mechanism.closures:
+        for _ in closure.rows:
+            result.append(isinstance(closure, Brake))
+    return np.array(result, dtype=bool)
 
 
 def _row_sizes(loops: Loops, Phi: Array) -> Array:
@@ -122,11 +142,11 @@ def _row_sizes(loops: Loops, Phi: Array) -> Array:
 # --- at home ------------------------------------------------------------------------------------
 
 
-def _home(assembly: Assembly, fixed: Indices) -> tuple[Array, Array] | None:
+def _home(assembly: Assembly, fixed: Indices) -> _Motions | None:
     """Home with closed loops and the motions from it; None without a regular home.
 
     There is none if it is missing, cannot be closed, or if motions branch at home, so that Phi has
-    a lower rank there than beside it.
+    a lower rank there than beside it. The rates `fixed` are held while the loops are closed.
     """
     mechanism = assembly.mechanism
     q = home_of(mechanism)
@@ -142,7 +162,7 @@ def _home(assembly: Assembly, fixed: Indices) -> tuple[Array, Array] | None:
         if only_here.shape[1]:
             _warn_of_singular_home(mechanism, only_here)
             return None
-    return q, motions
+    return _Motions(q, motions)
 
 
 def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
@@ -150,35 +170,41 @@ def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
 
     `fixed` are the rates that are held on the way to the pose beside it.
     """
-    mechanism, loops = assembly.mechanism, assembly.loops
+    mechanism = assembly.mechanism
+    loops = assembly.loops
+    no_rates = np.zeros((mechanism.model.nv, 0))
     Phi = scaled_Phi(mechanism, loops, q)
-    _, here, Vt = np.linalg.svd(Phi)
-    rank, none = rank_of(here), np.zeros((Phi.shape[1], 0))
+    _, sizes, Vt = np.linalg.svd(Phi)
+    rank = rank_of(sizes)
     if has_accelerations(assembly, Phi, Vt[rank:].T):
-        return none
+        return no_rates
     guess = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
     try:
         beside = assembly.near(guess, fixed)
     except ClosureError:
-        return none
-    there = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
-    rank_beside = np.count_nonzero(there > _REGULAR * there.max(initial=1.0))
+        return no_rates
+    sizes_beside = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
+    rank_beside = np.count_nonzero(sizes_beside > _REGULAR * sizes_beside.max(initial=1.0))
     return Vt[rank:rank_beside].T
 
 
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
-    """A configuration near home in the same assembly mode, or home if none is found."""
+    """A configuration near home in the same assembly mode, or home if none is found.
+
+    The motors are held on the way there, or else the coordinates.
+    """
     if not len(coordinates):
         return home
     mechanism = replace(assembly.mechanism, coordinates=coordinates)
     continuity = Continuity(mechanism, assembly.loops)
-    poor = min(_POORER * continuity.condition_number(home), MAX_CONDITION_NUMBER)
-    for width, fixed in product(AROUND_HOME, (mechanism.driven, coordinates)):
-        path = _path_from(assembly, home, displacement(mechanism, width), fixed)
-        with suppress(ClosureError):
-            done, q = continuity.follow(home, path, poor, looks=_LOOKS)
-            if done == 1:
-                return q
+    limit = min(_POORER * continuity.condition_number(home), MAX_CONDITION_NUMBER)
+    for width in AROUND_HOME:
+        for fixed in (mechanism.driven, coordinates):
+            path = _path_from(assembly, home, displacement(mechanism, width), fixed)
+            with suppress(ClosureError):
+                fraction, q = continuity.follow(home, path, limit, looks=_LOOKS)
+                if fraction == 1:
+                    return q
     return home
 
 
@@ -194,26 +220,23 @@ def _path_from(assembly: Assembly, home: Array, step: Array, fixed: Indices) -> 
 # --- without a regular home ---------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Example:
+class _Example(NamedTuple):
     """A configuration from which coordinates may be chosen.
 
     Attributes:
-        q: The configuration, shape (nq,).
-        motions: The motions from it, shape (nv, degrees of freedom).
+        at: The configuration and the motions from it.
         drives: Number of motors, or of the coordinates wanted.
         controlled: Number of degrees of freedom that they hold.
     """
 
-    q: Array
-    motions: Array
+    at: _Motions
     drives: int
     controlled: int
 
     @property
     def freedoms(self) -> int:
         """Number of degrees of freedom."""
-        return self.motions.shape[1]
+        return self.at.motions.shape[1]
 
     @property
     def quality(self) -> tuple[bool, int, int]:
@@ -226,7 +249,7 @@ class _Example:
         return self.controlled == self.drives < self.freedoms
 
 
-def _best_example(assembly: Assembly, wanted: Indices | None) -> _Example:
+def _best_example(assembly: Assembly, wanted: Indices | None) -> _Motions:
     """The example where the motors, or the coordinates wanted, hold most degrees of freedom.
 
     The search ends where they hold all, and soon where better examples are not to be expected.
@@ -235,8 +258,12 @@ def _best_example(assembly: Assembly, wanted: Indices | None) -> _Example:
     best: _Example | None = None
     for count, q in enumerate(examples(assembly), start=1):
         motions = finite_motions(assembly, q)
-        rates = motor_rates(mechanism, q, motions) if wanted is None else motions[wanted]
-        example = _Example(q, motions, len(rates), int(np.linalg.matrix_rank(rates, RESTS)))
+        if wanted is None:
+            rates = motor_rates(mechanism, q, motions)
+        else:
+            rates = motions[wanted]
+        controlled = int(np.linalg.matrix_rank(rates, RESTS))
+        example = _Example(_Motions(q, motions), drives=len(rates), controlled=controlled)
         if best is None or example.quality > best.quality:
             best = example
         if 0 < example.freedoms == example.controlled:
@@ -246,7 +273,7 @@ def _best_example(assembly: Assembly, wanted: Indices | None) -> _Example:
         if example.freedoms == 0 and mechanism.brakes:
             break
     assert best is not None  # `examples` gives one, or an error
-    return best
+    return best.at
 
 
 # --- warnings -----------------------------------------------------------------------------------
@@ -254,7 +281,8 @@ def _best_example(assembly: Assembly, wanted: Indices | None) -> _Example:
 
 def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
     """Name the joints that can move only at home, by motions of shape (nv, k)."""
-    names, count = _moving_names(mechanism, motions), motions.shape[1]
+    names = _moving_names(mechanism, motions)
+    count = motions.shape[1]
     warn_caller(
         f"model {mechanism.model.name}: home is singular, with {count} more degrees of "
         f"freedom than poses beside it, in the joints {names}; the coordinates are chosen beside "
@@ -271,7 +299,8 @@ def _moving_names(mechanism: Mechanism, motions: Array) -> str:
 
 def _warn_of_shaking(mechanism: Mechanism, rates: Array, motions: Array) -> None:
     """Name the joints of rates that do not belong to motions, both of shape (nv, k)."""
-    names = _moving_names(mechanism, rates - motions @ (motions.T @ rates))
+    without_motions = rates - motions @ (motions.T @ rates)
+    names = _moving_names(mechanism, without_motions)
     warn_caller(
         f"model {mechanism.model.name}: the closures allow rates of the joints {names} that lead "
         f"to no other pose, so degrees of freedom are {motions.shape[1]} instead of "

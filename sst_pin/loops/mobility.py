@@ -145,16 +145,21 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
     """
     Phi = scaled_Phi(mechanism, loops, q)
     space = mechanism.space
-    names_of_rates = np.array(space.rate_names)
     preferred = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
     coordinates = choose_coordinates(mechanism, Phi, preferred, motions)
+
+    # The part of the rates that Phi allows which belongs to no motion.
     allowed = free_motions(Phi)
     only_shaking = allowed - motions @ (motions.T @ allowed)
-    shaking = np.abs(only_shaking).max(axis=1, initial=0.0) > INDEPENDENT
+    is_shaking = np.abs(only_shaking).max(axis=1, initial=0.0) > INDEPENDENT
+
     # The motions that leave all motors at rest are the null space of the motors' rates.
     _, sizes, Vt = np.linalg.svd(motor_rates(mechanism, q, motions))
     held = int(np.count_nonzero(sizes > RESTS))
-    loose = np.abs(motions @ Vt[held:].T).max(axis=1, initial=0.0) > _LOOSE
+    motors_at_rest = motions @ Vt[held:].T
+    is_loose = np.abs(motors_at_rest).max(axis=1, initial=0.0) > _LOOSE
+
+    names_of_rates = np.array(space.rate_names)
     return Mobility(
         joints=space.rate_names,
         motor_names=mechanism.motor_names,
@@ -163,9 +168,9 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
         independent_rows=tuple(map(int, independent_rows(Phi))),
         degrees_of_freedom=len(coordinates),
         held=held,
-        loose_joints=tuple(names_of_rates[loose].tolist()),
+        loose_joints=tuple(names_of_rates[is_loose].tolist()),
         idle_joints=idle_rates(mechanism, loops, Phi),
-        shaking_joints=tuple(names_of_rates[shaking].tolist()),
+        shaking_joints=tuple(names_of_rates[is_shaking].tolist()),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),
@@ -180,38 +185,58 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
     motion gives the rate with the largest part in it, here the turn about the axis that is nearest
     to the rod. Phi is that of `scaled_Phi`, at the configuration of the loops.
     """
-    model, space = mechanism.model, mechanism.space
+    space = mechanism.space
+    passive = _passive_joints(mechanism, loops)
     idle = list[int]()
-    #: The rates of each passive joint of a loop, by the index of the joint.
-    passive = dict[int, list[int]]()
-    for name, rates in space.rates.items():
-        in_loop = loops.touched[:, list(rates)].any()
-        if in_loop and not np.isin(rates, mechanism.driven).any():
-            passive[joint_id(model, name)] = list(rates)
-            idle += _free_rates(Phi, list(rates))
-    for joint, rates_of_joint in passive.items():
-        # Both balls of a rod may be joints of the tree. Then the rod turns between them, and the
-        # body after the second one is at rest.
-        both = [*passive.get(int(model.parents[joint]), []), *rates_of_joint]
-        if len(both) > len(rates_of_joint) and not np.isin(both, idle).any():
-            body_at_rest = _twist(mechanism, loops, joint)
-            idle += _free_rates(np.vstack([Phi, body_at_rest]), both)
+
+    # One ball is a joint of the tree, the other one is a closure: the rates of one joint suffice.
+    for rates in passive.values():
+        idle += _idle_among(rates, Phi)
+
+    # Both balls are joints of the tree: the rod rotates between them, while the body after the
+    # second ball is at rest.
+    for joint, rates in passive.items():
+        parent = int(mechanism.model.parents[joint])
+        if parent not in passive:
+            continue
+        both = [*passive[parent], *rates]
+        if not np.isin(both, idle).any():
+            twist_of_body = _twist(mechanism, loops, joint)
+            idle += _idle_among(both, np.vstack([Phi, twist_of_body]))
     return tuple(space.rate_names[rate] for rate in idle)
 
 
-def _free_rates(rows: Array, rates: list[int]) -> list[int]:
-    """Some of the rates, as many as there are motions of them alone, with the largest parts."""
+def _passive_joints(mechanism: Mechanism, loops: Loops) -> dict[int, list[int]]:
+    """The rates of each joint in a loop that no motor drives, by the index of the joint."""
+    passive = dict[int, list[int]]()
+    for name, indices in mechanism.space.rates.items():
+        rates = list(indices)
+        is_in_loop = loops.touched[:, rates].any()
+        if is_in_loop and not np.isin(rates, mechanism.driven).any():
+            passive[joint_id(mechanism.model, name)] = rates
+    return passive
+
+
+def _idle_among(rates: list[int], rows: Array) -> list[int]:
+    """As many of the rates as they have motions of their own, those with the largest parts.
+
+    In a motion of their own, all other joints are at rest and the rows, which have a column for
+    each rate of v, are zero.
+    """
     from scipy.linalg import qr
 
-    motions = free_motions(rows[:, rates]).T
-    if not len(motions):
+    motions = free_motions(rows[:, rates])
+    if not motions.shape[1]:
         return []
-    order = qr(motions, mode="r", pivoting=True)[1]
-    return sorted(rates[k] for k in order[: len(motions)])
+    _, order = qr(motions.T, mode="r", pivoting=True)
+    return sorted(rates[k] for k in order[: motions.shape[1]])
 
 
 def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:
-    """The twist of a joint's body by the rates, free of units, shape (6, nv)."""
+    """The twist of a joint's body by the rates, free of units, shape (6, nv).
+
+    The configuration is that of the loops.
+    """
     tree = loops.tree
     J = pin.getJointJacobian(tree.model, loops.data, tree.bodies[joint], pin.LOCAL)
     J = J.reshape(6, -1).dot(tree.S) * mechanism.rate_scale
@@ -220,7 +245,7 @@ def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:
 
 
 def rotating_freely(idle: Sequence[str]) -> str:
-    """That idle rates rotate freely, and the cure, in words."""
+    """A sentence that says which rates rotate freely, and the cure."""
     names = ", ".join(idle)
     verb = "rotates" if len(idle) == 1 else "rotate"
     return (
@@ -235,11 +260,13 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     Each motor's row of B^T has length one. Lines whose ends coincide have no direction; their rows
     are zero.
     """
-    lines, B = mechanism.lines, mechanism.actuation
+    lines = mechanism.lines
+    B = mechanism.actuation
     if lines.actuation.any():
         kinematics = LineKinematics(mechanism)
-        kinematics.lengths(q)
-        B = B + np.nan_to_num(kinematics.loops.Phi).T @ lines.actuation
+        kinematics.lengths(q)  # evaluates the loops of the lines at q
+        J_of_lines = np.nan_to_num(kinematics.loops.Phi)
+        B = B + J_of_lines.T @ lines.actuation
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     directions = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)

@@ -105,7 +105,7 @@ def mechanism_of(
 ) -> Mechanism:
     """A mechanism from the arguments of `ClosedChain`; the tree is not copied.
 
-    If `coordinates` is None, `loops.coordinates.settled` chooses them later.
+    If `coordinates` is None, `loops.coordinates.with_chosen_coordinates` chooses them later.
     `numbers` has viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
     _require_sound(model, closures)

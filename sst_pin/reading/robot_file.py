@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionWarning, SSTError, warn_caller
-from ..loops.coordinates import settled
+from ..loops.coordinates import with_chosen_coordinates
 from ..loops.geometry_correction import correct_geometry
 from ..model.checks import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
@@ -68,7 +68,7 @@ class RobotFile(NamedTuple):
             brakes=self.brakes,
             contacts=contacts_of(self.contacts),
         )
-        return settled(correct_geometry(mechanism))
+        return with_chosen_coordinates(correct_geometry(mechanism))
 
 
 @contextmanager
