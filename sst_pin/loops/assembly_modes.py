@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -27,11 +28,15 @@ from .guesses import home_of
 from .loops import connected
 from .ranks import free_motions, independent_rows, rank_of, scaled_Phi
 
-#: A search ends after _STARTS + _STARTS_PER_MODE * modes starts in a row without a new mode, or
-#: after _MOST_STARTS starts in all.
-_STARTS, _STARTS_PER_MODE, _MOST_STARTS = 100, 15, 3000
-#: Half the range of random starts, [rad] or lengths of the loop.
-_TURN, _SLIDE = np.pi, 1.0
+#: A search by random starts ends after this number of starts in a row without a new mode,
+_STARTS = 100
+#: plus this number for each mode,
+_STARTS_PER_MODE = 15
+#: or after this number of starts in all.
+_MOST_STARTS = 3000
+#: Half the ranges of random starts: for turns, [rad], and for slides, in lengths of the loop.
+_TURN = np.pi
+_SLIDE = 1.0
 #: Configurations are the same if their keys (positions in robot lengths, rotation matrices) differ
 #: by less. Where two modes meet, Newton's method has errors of the root of its tolerance.
 _SAME = 1e-5
@@ -63,79 +68,139 @@ class AssemblyModes(Summary):
         return f"{len(self)} assembly modes, {verdict}", rows
 
 
+class _Configurations(NamedTuple):
+    """Configurations with closed loops, and whether it is proved that there are no others."""
+
+    q: list[Array]
+    complete: bool
+
+
+class _Group(NamedTuple):
+    """Rows and free rates of loops that share no free joint with others."""
+
+    rows: Indices
+    rates: Indices
+
+
 def modes_of(
     assembly: Assembly,
     positions: Mapping[str, float],
     frame: str | None,
     solutions: Sequence[Array] | Array | None,
 ) -> AssemblyModes:
-    """All modes: those of `solutions`, a complete list, if given; else by dyads and search."""
-    search, complete = _Search(assembly, positions, frame), True
+    """All modes with some joints at their positions.
+
+    They are those of `solutions`, a complete list, if given; else they are found by dyads and
+    search. Modes differ by the placements of all bodies, or of `frame` only.
+    """
+    search = _Search(assembly, positions, frame)
     if solutions is None:
-        solutions, complete = search.all_modes()
+        configurations = search.all_modes()
+    else:
+        configurations = _Configurations(list(solutions), complete=True)
     modes = _Distinct(search.key)
-    for q in solutions:
+    for q in configurations.q:
         modes.add(search.in_one_turn(q))
     branches = search.branches(modes.q)
     order = sorted(range(len(branches)), key=lambda k: (*branches[k], *modes.q[k].round(6)))
     q = np.array(modes.q).reshape(-1, assembly.mechanism.model.nq)
-    return AssemblyModes(q[order], branches[order], complete)
+    return AssemblyModes(q[order], branches[order], configurations.complete)
 
 
 class _Distinct:
-    """Configurations that differ by their keys."""
+    """Configurations that differ by their keys.
+
+    Attributes:
+        q: The configurations.
+    """
 
     def __init__(self, key: Callable[[Array], Array]) -> None:
-        self.q, self._keys, self._key = list[Array](), list[Array](), key
+        self.q = list[Array]()
+        self._keys = list[Array]()
+        self._key = key
 
     def add(self, q: Array) -> bool:
-        """Add a configuration if it is new."""
+        """Add a configuration if it is new; returns whether it is."""
         key = self._key(q)
-        new = not self.q or bool((np.abs(np.array(self._keys) - key).max(axis=1) > _SAME).all())
-        if new:
-            self.q.append(q)
-            self._keys.append(key)
-        return new
+        if self._keys:
+            distances = np.abs(np.array(self._keys) - key).max(axis=1)
+            if (distances <= _SAME).any():
+                return False
+        self.q.append(q)
+        self._keys.append(key)
+        return True
 
 
 class _Search:
-    """Modes of one mechanism with some joints at their positions."""
+    """Modes of one mechanism with some joints at their positions.
+
+    The rates of these joints are held; the others are free.
+    """
 
     def __init__(
         self, assembly: Assembly, positions: Mapping[str, float], frame: str | None
     ) -> None:
-        self._assembly, self._loops, self._positions = assembly, assembly.loops, positions
-        self._mechanism = mechanism = assembly.mechanism
-        self._model, self._space = mechanism.model, mechanism.space
+        mechanism = assembly.mechanism
+        loops = assembly.loops
+        self._assembly = assembly
+        self._loops = loops
+        self._positions = positions
+        self._mechanism = mechanism
+        self._model = mechanism.model
+        self._space = mechanism.space
         self._frame = None if frame is None else frame_id(self._model, frame)
-        named = self._space.rates_of(list(positions))
-        self._free = free = np.setdiff1d(np.arange(self._model.nv), named)
-        self._rows = np.flatnonzero(self._loops.holonomic)
-        self._touched = self._loops.touched & self._loops.holonomic[:, None]
-        self._parts = [(rows, free[k]) for rows, k in connected(self._touched[:, free])]
+
+        held = self._space.rates_of(list(positions))
+        self._free = np.setdiff1d(np.arange(self._model.nv), held)
+        #: Rows that have an error, and which rates they depend on, shape (rows, nv).
+        self._rows = np.flatnonzero(loops.holonomic)
+        self._touched = loops.touched & loops.holonomic[:, None]
+        self._groups = [
+            _Group(rows, rates=self._free[columns])
+            for rows, columns in connected(self._touched[:, self._free])
+        ]
         home = home_of(mechanism)
         start = pin.neutral(self._model) if home is None else home
         self._start = with_positions(self._space, start, positions)
-        if mechanism.example is not None:
-            motions = free_motions(scaled_Phi(mechanism, self._loops, mechanism.example)[:, free])
-            if k := motions.shape[1]:
-                moving = free[np.abs(motions).max(axis=1) > RESTS]
-                names = listed([self._space.rate_names[i] for i in moving])
-                raise InputError("positions", f"leave {k} freedoms; name {k} more of {names}")
+        self._require_no_freedoms()
 
-    def all_modes(self) -> tuple[list[Array], bool]:
-        """Configurations, and whether these are all."""
-        closures = [k for k, s in enumerate(self._loops.slices) if self._loops.holonomic[s].all()]
-        modes, complete = self._solve(self._start, self._free, closures)
-        closer = [self._assembly.closer(q, self._free) for q in modes]
-        return [q for q in closer if not self._assembly.gap(q, self._rows)], complete
+    def _require_no_freedoms(self) -> None:
+        """Raise an error if joints can move although those with positions are held."""
+        mechanism = self._mechanism
+        if mechanism.example is None:
+            return
+        Phi = scaled_Phi(mechanism, self._loops, mechanism.example)
+        motions = free_motions(Phi[:, self._free])
+        count = motions.shape[1]
+        if count:
+            moving = self._free[np.abs(motions).max(axis=1) > RESTS]
+            names = listed([self._space.rate_names[k] for k in moving])
+            raise InputError("positions", f"leave {count} freedoms; name {count} more of {names}")
 
-    def _solve(self, q: Array, free: Indices, closures: list[int]) -> tuple[list[Array], bool]:
-        """Configurations with other positions of the free rates, and whether these are all.
+    def all_modes(self) -> _Configurations:
+        """The modes, by dyads and random starts."""
+        closures = list[int]()
+        for k, rows in enumerate(self._loops.slices):
+            if self._loops.holonomic[rows].all():
+                closures.append(k)
+        modes = self._solve(self._start, self._free, closures)
+        closed = list[Array]()
+        for mode in modes.q:
+            q = self._assembly.closer(mode, self._free)
+            if self._assembly.gap(q, self._rows) == 0:
+                closed.append(q)
+        return _Configurations(closed, modes.complete)
 
-        Dyads among the closures are solved one after the other, each in the configurations of the
-        one before. The other loops are solved from random starts.
+    def _solve(self, q: Array, free: Indices, closures: list[int]) -> _Configurations:
+        """Configurations with other positions of the rates that are still free.
+
+        `closures` are the indices of the closures that are still open. If one of them is a dyad,
+        each of its solutions is a configuration with two free rates less; the other closures are
+        solved there in the same way, by recursion. Without a dyad they are solved from random
+        starts.
         """
+        if not len(free):
+            return _Configurations([q], complete=True)
         for k in closures:
             loop = self._loops.slices[k]
             rates = free[self._touched[loop, free].any(axis=0)]
@@ -146,35 +211,36 @@ class _Search:
             if solutions is None:
                 continue
             rows = np.arange(loop.start, loop.stop)
-            others = [other for other in closures if other != k]
-            modes, complete = list[Array](), True
+            other_rates = np.setdiff1d(free, rates)
+            other_closures = [other for other in closures if other != k]
+            modes = list[Array]()
+            complete = True
             for solution in solutions:
                 if self._assembly.gap(solution, rows) >= CLOSURE_TOLERANCE:
                     continue  # its axes, or other rows of the closure, do not fit
-                of_solution, all_there_are = self._solve(
-                    solution, np.setdiff1d(free, rates), others
-                )
-                modes += of_solution
-                complete &= all_there_are
-            return modes, complete
-        if not len(free):
-            return [q], True
-        return self._by_random_starts(q, free), False
+                of_solution = self._solve(solution, other_rates, other_closures)
+                modes += of_solution.q
+                complete = complete and of_solution.complete
+            return _Configurations(modes, complete)
+        return _Configurations(self._by_random_starts(q, free), complete=False)
 
     def _by_random_starts(self, start: Array, free: Indices) -> list[Array]:
         """Configurations by Newton's method; the search ends when no new ones are found."""
-        random, modes, starts_without_new = np.random.default_rng(0), _Distinct(self.key), 0
+        random = np.random.default_rng(0)
+        modes = _Distinct(self.key)
         turns = np.array(self._space.rate_units) == "rad"
         width = np.where(turns, _TURN, _SLIDE) * self._mechanism.rate_scale
         rows = np.flatnonzero(self._touched[:, free].any(axis=1))
+        starts_without_new = 0
         for _ in range(_MOST_STARTS):
             step = np.zeros(self._model.nv)
             step[free] = width[free] * random.uniform(-1, 1, len(free))
-            # A free body would move on a screw if it turned and slid at once.
+            # First turns, then slides: a free body would move on a screw if it did both at once.
             turned = pin.integrate(self._model, start, np.where(turns, step, 0.0))
             guess = pin.integrate(self._model, turned, np.where(turns, 0.0, step))
             q = self._assembly.closer(guess, free)
-            if not self._assembly.gap(q, rows) and modes.add(q):
+            is_closed = self._assembly.gap(q, rows) == 0
+            if is_closed and modes.add(q):
                 self._require_isolated(q, free)
                 starts_without_new = 0
             else:
@@ -202,29 +268,35 @@ class _Search:
         return q if self._assembly.gap(turned, self._rows) else turned
 
     def key(self, q: Array) -> Array:
-        """Poses of all bodies, or of the frame only, in a row, free of units."""
+        """Placements of all bodies, or of the frame only, as one vector, free of units."""
         self._loops.evaluate(q)
         data = self._loops.data
         if self._frame is None:
-            places = [data.oMi[body] for body in self._loops.tree.bodies[1:]]
+            placements = [data.oMi[body] for body in self._loops.tree.bodies[1:]]
         else:
-            places = [data.oMf[self._frame]]
-        numbers = list[Array]()
-        for place in places:
-            numbers += [place.translation / self._mechanism.length, place.rotation.ravel()]
-        return np.concatenate(numbers)
+            placements = [data.oMf[self._frame]]
+        parts = list[Array]()
+        for placement in placements:
+            parts.append(placement.translation / self._mechanism.length)
+            parts.append(placement.rotation.ravel())
+        return np.concatenate(parts)
 
     def branches(self, configurations: Sequence[Array]) -> Indices:
-        """Sign of det Phi of each part, independent rows only; 0 if it is singular."""
-        signs = np.zeros((len(configurations), len(self._parts)), dtype=int)
+        """Signs of det Phi of each group, shape (configurations, groups); 0 if it is singular.
+
+        Redundant rows are left out: the same independent rows count in all configurations, so that
+        signs can be compared.
+        """
+        signs = np.zeros((len(configurations), len(self._groups)), dtype=int)
         matrices = [scaled_Phi(self._mechanism, self._loops, q) for q in configurations]
-        for k, part in enumerate(self._parts):
-            blocks = [Phi[np.ix_(*part)] for Phi in matrices]
+        for k, group in enumerate(self._groups):
+            blocks = [Phi[np.ix_(group.rows, group.rates)] for Phi in matrices]
             sizes = [np.linalg.svd(block, compute_uv=False) for block in blocks]
-            regular = np.array([rank_of(x) == len(part[1]) for x in sizes], dtype=bool)
-            if regular.any():
-                # The same independent rows in all modes, so that signs can be compared.
-                rows = independent_rows(blocks[int(np.argmax(regular))])
+            ranks = np.array([rank_of(s) for s in sizes], dtype=int)
+            is_regular = ranks == len(group.rates)
+            if is_regular.any():
+                first_regular = int(np.argmax(is_regular))
+                rows = independent_rows(blocks[first_regular])
                 determinants = np.linalg.det([block[rows] for block in blocks])
-                signs[:, k] = np.where(regular, np.sign(determinants), 0)
+                signs[:, k] = np.where(is_regular, np.sign(determinants), 0)
         return signs
