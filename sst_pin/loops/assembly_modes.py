@@ -288,15 +288,16 @@ class _Search:
         signs can be compared.
         """
         signs = np.zeros((len(configurations), len(self._groups)), dtype=int)
+        if not configurations:
+            return signs
         matrices = [scaled_Phi(self._mechanism, self._loops, q) for q in configurations]
         for k, group in enumerate(self._groups):
-            blocks = [Phi[np.ix_(group.rows, group.rates)] for Phi in matrices]
-            sizes = [np.linalg.svd(block, compute_uv=False) for block in blocks]
-            ranks = np.array([rank_of(s) for s in sizes], dtype=int)
-            is_regular = ranks == len(group.rates)
+            blocks = np.array([Phi[np.ix_(group.rows, group.rates)] for Phi in matrices])
+            ranks = [rank_of(sizes) for sizes in np.linalg.svd(blocks, compute_uv=False)]
+            is_regular = np.array(ranks) == len(group.rates)
             if is_regular.any():
                 first_regular = int(np.argmax(is_regular))
                 rows = independent_rows(blocks[first_regular])
-                determinants = np.linalg.det([block[rows] for block in blocks])
+                determinants = np.linalg.det(blocks[:, rows])
                 signs[:, k] = np.where(is_regular, np.sign(determinants), 0)
         return signs

@@ -27,12 +27,12 @@ from ..summaries import listed
 from .closed_loops import ClosedLoops
 from .guesses import home_of
 
-#: A joint that differs by more is at another position, [rad] or of the robot's length.
+#: A joint that differs by more is at another position, [rad] or parts of the robot's length.
 _FAR = 0.05
 
 
 class Closer(Protocol):
-    """What closes loops and moves robots: an engine."""
+    """What this module needs of an engine: it closes loops and moves robots."""
 
     @property
     def loops(self) -> ClosedLoops:
@@ -45,7 +45,7 @@ class Closer(Protocol):
         """The configuration where the coordinates are a step further, in the same assembly mode."""
 
 
-def _pose(closer: Closer) -> Array:
+def _home_or_neutral(closer: Closer) -> Array:
     """Home, even if its loops cannot be closed; `pin.neutral` without a home; shape (nq,)."""
     try:
         home = closer.loops.home
@@ -64,7 +64,8 @@ def start_of(closer: Closer, *, chosen: bool = False) -> Array:
         DescriptionWarning: If there is no home and the loops had to be closed; not with `chosen`,
             which says that the caller has chosen the assembly mode.
     """
-    q, model = _pose(closer), closer.loops.mechanism.model
+    q = _home_or_neutral(closer)
+    model = closer.loops.mechanism.model
     if closer.loops.are_closed(q) or "home" in model.referenceConfigurations:
         return q
     try:
@@ -94,26 +95,33 @@ def assemble(
     limits: bool = False,
 ) -> Array:
     """Configurations with closed loops near a guess; see `ClosedChain.assemble`."""
-    tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
+    tries = whole_number("tries", tries, 1)
+    seed = whole_number("seed", seed, 0)
     mechanism = closer.loops.mechanism
-    model, space = mechanism.model, mechanism.space
+    model = mechanism.model
+    space = mechanism.space
+    has_options = tries > 1 or limits
     if isinstance(q, Mapping):
-        by_coordinates = set(q) <= set(mechanism.coordinate_names)
-        if by_coordinates and fixed is None and tries == 1 and not limits:
+        names_only_coordinates = set(q) <= set(mechanism.coordinate_names)
+        if names_only_coordinates and fixed is None and not has_options:
             return placed(closer, q)
-        if fixed is None and not by_coordinates:
+        if fixed is None and not names_only_coordinates:
             fixed = list(q)
-        guess = with_positions(space, _pose(closer), q)
+        guess = with_positions(space, _home_or_neutral(closer), q)
     else:
         guess = as_array("q", q, ())
-    free = mechanism.dependent if fixed is None else _others(mechanism, names("fixed", fixed))
+    if fixed is None:
+        free = mechanism.dependent
+    else:
+        free = _other_rates(mechanism, names("fixed", fixed))
 
     def one(guess: Array) -> Array:
         if model.nv != model.nq and guess.shape == (model.nv,):
+            # Joint angles instead of quaternions: a displacement from neutral.
             step = single_array("q", guess, (model.nv,))
             guess = pin.integrate(model, pin.neutral(model), step)
         start = space.normalised(single_array("q", guess, (model.nq,)))
-        if tries == 1 and not limits and np.array_equal(free, mechanism.dependent):
+        if not has_options and np.array_equal(free, mechanism.dependent):
             return closer.closed(start)
         return closer.loops.assembly.try_starts(start, free, tries, seed, limits=limits)
 
@@ -135,39 +143,63 @@ def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | No
             the coordinates cannot be moved there without leaving it, or if a dependent joint ends
             at another position.
     """
-    mechanism, space = closer.loops.mechanism, closer.loops.mechanism.space
+    mechanism = closer.loops.mechanism
+    space = mechanism.space
     if guess is None:
         all_are_named = units_by_joint(space).keys() <= positions.keys()
         start = start_of(closer, chosen=all_are_named)
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
     with_positions(space, start, positions)  # refuses unknown names, and what is no number
-    not_moved: ClosureError | None = None
+
+    # Move the coordinates there, if only coordinates are named.
+    why_not_moved: ClosureError | None = None
     if set(positions) <= set(mechanism.coordinate_rate_names) and closer.loops.are_closed(start):
         try:
-            return closer.closed(with_positions(space, _moved(closer, start, positions), positions))
+            q = _moved_to(closer, start, positions)
+            return closer.closed(with_positions(space, q, positions))  # without rounding
         except ClosureError as error:
-            not_moved = error
+            why_not_moved = error
+
+    # Otherwise assemble near the positions.
     if guess is None:
         q = _assembled_from_start_or_example(closer, start, positions)
     else:
         q = _assembled(closer, start, positions)
-    far = _far(mechanism, q, positions)
-    if not_moved is not None:
+    if why_not_moved is not None:
         _warn(
             closer,
             f"{', '.join(positions)} cannot be moved from the start to their positions "
-            f"({not_moved})",
+            f"({why_not_moved})",
             "give a configuration near them as start, or positions of dependent joints too, as "
             "assemble({joint: position, ...}, fixed=[joints whose positions hold])",
         )
-    elif far:
+        return q
+    far = _joints_at_other_positions(mechanism, q, positions)
+    if far:
         _warn(
             closer,
             f"no assembly was found with {listed(far)} at these coordinates",
             "correct these positions, or give those of other dependent joints",
         )
     return q
+
+
+def _moved_to(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
+    """The configuration, in the assembly mode of the start, where coordinates are at positions.
+
+    Joints that turn without end take the shorter way.
+    """
+    mechanism = closer.loops.mechanism
+    step = np.zeros(len(mechanism.coordinates))
+    before = positions_of(mechanism.space, start, list(positions))
+    for (name, wanted), position in zip(positions.items(), before, strict=True):
+        distance = wanted - position
+        is_endless = name not in mechanism.space.position_names
+        if is_endless:
+            distance -= 2 * np.pi * np.round(distance / (2 * np.pi))
+        step[mechanism.coordinate_rate_names.index(name)] = distance
+    return closer.moved(start, step)
 
 
 def _assembled_from_start_or_example(
@@ -179,50 +211,43 @@ def _assembled_from_start_or_example(
         q = _assembled(closer, start, positions)
     except ClosureError:
         return _assembled(closer, closer.loops.example(), positions)
-    if _far(mechanism, q, positions):
+    if _joints_at_other_positions(mechanism, q, positions):
         with suppress(ClosureError):
             other = _assembled(closer, closer.loops.example(), positions)
-            if not _far(mechanism, other, positions):
+            if not _joints_at_other_positions(mechanism, other, positions):
                 return other
     return q
-
-
-def _others(mechanism: Mechanism, fixed: Iterable[str]) -> Indices:
-    """Rates of all joints but these."""
-    return np.setdiff1d(np.arange(mechanism.model.nv), mechanism.space.rates_of(list(fixed)))
 
 
 def _assembled(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
     """The assembly nearest to the start in which joints are at positions, or near these."""
     guess = with_positions(closer.loops.mechanism.space, start, positions)
-    others = _others(closer.loops.mechanism, positions)
+    others = _other_rates(closer.loops.mechanism, positions)
     return closer.closed(closer.loops.assembly.closer(guess, others))
 
 
-def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list[str]:
+def _other_rates(mechanism: Mechanism, joints: Iterable[str]) -> Indices:
+    """Rates of all joints but these."""
+    return np.setdiff1d(np.arange(mechanism.model.nv), mechanism.space.rates_of(list(joints)))
+
+
+def _joints_at_other_positions(
+    mechanism: Mechanism, q: Array, positions: Mapping[str, float]
+) -> list[str]:
     """Joints that are far from their positions, with both positions, in words."""
-    space, far = mechanism.space, list[str]()
-    units = units_by_joint(space)
-    reached = positions_of(space, q, list(positions))
-    for (name, wanted), x in zip(positions.items(), reached, strict=True):
-        turns = units[name] == "rad"
-        off = math.remainder(x - wanted, 2 * math.pi) if turns else x - wanted
-        if not abs(off) <= _FAR * (1.0 if turns else mechanism.length):
-            far.append(f"{name} at {wanted:.4g} (it is at {x:.4g})")
+    units = units_by_joint(mechanism.space)
+    reached = positions_of(mechanism.space, q, list(positions))
+    far = list[str]()
+    for (name, wanted), position in zip(positions.items(), reached, strict=True):
+        if units[name] == "rad":
+            distance = math.remainder(position - wanted, 2 * math.pi)
+            limit = _FAR
+        else:
+            distance = position - wanted
+            limit = _FAR * mechanism.length
+        if not abs(distance) <= limit:
+            far.append(f"{name} at {wanted:.4g} (it is at {position:.4g})")
     return far
-
-
-def _moved(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
-    """The configuration, in the assembly mode of the start, where coordinates are at positions."""
-    mechanism, coordinates = closer.loops.mechanism, list(positions)
-    step = np.zeros(len(mechanism.coordinates))
-    before = positions_of(mechanism.space, start, coordinates)
-    moves = np.array([positions[name] for name in coordinates]) - before
-    for name, move in zip(coordinates, moves, strict=True):
-        endless = name not in mechanism.space.position_names
-        turns = np.round(move / (2 * np.pi)) if endless else 0.0
-        step[mechanism.coordinate_rate_names.index(name)] = move - 2 * np.pi * turns
-    return closer.moved(start, step)
 
 
 def _warn(closer: Closer, why: str, cure: str) -> None:
