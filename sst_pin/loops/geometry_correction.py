@@ -27,7 +27,7 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.closures import frames_of
-from ..model.geometry import Displacements, displaced, place_of
+from ..model.geometry import displaced, place_of
 from ..model.mechanism import Mechanism
 from ..model.thresholds import EXPLAINED, ROUNDED_PLACEMENTS
 from ..model.tree import frame_id
@@ -51,15 +51,20 @@ _CHECKS = np.linspace(0.15, 1.05, 8)
 _GAP = 0.1
 #: Loops that stay open by more in all poses may be far from the poses in which they close.
 _FAR = 10 * ROUNDED_PLACEMENTS
-#: Gauss-Newton's method: most steps, and the gap at which it ends.
-_STEPS, _CLOSED = 12, 1e-14
-#: Its singular values below the first number, or below this multiple of the gap, count as zero.
-_LEAST, _NOISE = 1e-9, 30.0
+#: Gauss-Newton's method: most steps.
+_STEPS = 12
+#: It ends at this gap.
+_CLOSED = 1e-14
+#: Its singular values below this part of the largest count as zero,
+_LEAST = 1e-9
+#: and those below this multiple of the gap: the equations are wrong by about the gap.
+_NOISE = 30.0
 #: Corrections of a part: in the poses, then twice with poses in which it stayed open.
 _TRIES = 3
-#: A loop moves as it is if it closes after each of so many steps of this length, [rad] or lengths
-#: of the loop.
-_MOTION_STEPS, _MOTION = 3, 0.05
+#: A loop moves as it is if it closes after each of so many steps
+_MOTION_STEPS = 3
+#: of this length, [rad] or lengths of the loop.
+_MOTION = 0.05
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,7 @@ def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array
     errors_before = np.zeros(len(original.loops.f))  # for the warning
     for part in parts:
         original.require_closing(poses, part)
-        correction = _correction(original, corrected, part, poses)
+        correction = _justified_correction(original, corrected, part, poses)
         if correction is None:
             continue
         corrected = correction.robot
@@ -138,7 +143,7 @@ def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array
     return corrected.mechanism
 
 
-def _correction(
+def _justified_correction(
     original: "_Robot", corrected: "_Robot", part: _Part, poses: Sequence[Array]
 ) -> _Correction | None:
     """A correction of one part of `corrected`, which has the placements of the parts before.
@@ -147,7 +152,7 @@ def _correction(
     not justified.
     """
     closed = [q for q in poses if original.gap(q, part) <= ROUNDED_PLACEMENTS]
-    rank = _rank_in(original, part, closed)
+    rank = _rank_of_overconstrained(original, part, closed)
     if rank is None:
         return None  # its rank is not clear, or its rows are independent
     fitting = [q for q in closed if original.rank(q, part) == rank]
@@ -155,7 +160,7 @@ def _correction(
     closes_mostly = np.median([original.gap(q, part) for q in fitting]) == 0
     if closes_mostly:
         return None
-    correction = _closing(corrected, part, rank, poses[0], fitting)
+    correction = _find_correction(corrected, part, rank, poses[0], fitting)
     if correction is None:
         return None  # no small displacement makes it close
     if not _is_justified(correction, original, part, poses[0]):
@@ -180,7 +185,7 @@ def _is_justified(correction: _Correction, original: "_Robot", part: _Part, star
     return correction.size <= EXPLAINED * rounding or not original.moves(start, part)
 
 
-def _rank_in(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
+def _rank_of_overconstrained(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
     """The rank of an overconstrained part in poses in which it is closed; None if there is none.
 
     It is the largest rank of at least three poses, as ranks are lower near singularities.
@@ -192,23 +197,26 @@ def _rank_in(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None
     return max(ranks)
 
 
-def _closing(
+def _find_correction(
     robot: "_Robot", part: _Part, rank: int, start: Array, poses: Sequence[Array]
 ) -> _Correction | None:
-    """A correction with which a part closes in these poses and in others; None if none is found."""
+    """A correction with which a part closes in these poses and in others; None if none is found.
+
+    The poses near the `start` check it. Those in which the part stays open are added to the poses
+    of the next try.
+    """
     fitting = list(poses)
-    total: Array | float = 0.0
+    total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
-        robot, displacements = robot.with_closing(fitting, part, rank)
-        total = total + displacements
+        robot, displacements = robot.with_displacements(fitting, part, rank)
+        total += displacements
         # Another width gives another random direction: these poses are not those of other tries.
         checks = [robot.closest(start, part.rates, width) for width in [0.0, *(_CHECKS + k / 100)]]
         # Poses with larger gaps are next to no closed pose.
         closed = [q for q in checks if robot.gap(q, part) <= ROUNDED_PLACEMENTS]
         regular = [q for q in closed if robot.rank(q, part) == rank]
         if regular and not any(robot.gap(q, part) for q in regular):
-            size = float(np.abs(total).max(initial=0.0))
-            return _Correction(robot, size, regular)
+            return _Correction(robot, size=float(np.abs(total).max(initial=0.0)), poses=regular)
         fitting += regular
     return None
 
@@ -221,10 +229,14 @@ class _Robot:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self.loops = mechanism, Loops(mechanism.model, mechanism.closures)
+        self.mechanism = mechanism
+        self.loops = Loops(mechanism.model, mechanism.closures)
         self._assembly = Assembly(mechanism, self.loops)
-        rows, touched = np.flatnonzero(self.loops.holonomic), self.loops.touched
-        self.parts = [_Part(rows[k], rates) for k, rates in connected(touched[rows]) if len(k)]
+        self.parts = list[_Part]()
+        rows = np.flatnonzero(self.loops.holonomic)
+        for in_part, rates in connected(self.loops.touched[rows]):
+            if len(in_part):
+                self.parts.append(_Part(rows[in_part], rates))
 
     # --- poses ------------------------------------------------------------------------------
 
@@ -253,7 +265,8 @@ class _Robot:
         """Whether a part closes, to rounding, along a motion from near q.
 
         All rows must be satisfied, also those that contradict each other because placements are
-        rounded. `closer` counts their small singular values; `closest` takes these for zero.
+        rounded. So the loops are closed by `Assembly.closer` with its own tolerance: `closest`
+        takes the small singular values of such rows for zero.
         """
         rates = part.rates
         model = self.mechanism.model
@@ -328,49 +341,46 @@ class _Robot:
 
     # --- placements -------------------------------------------------------------------------
 
-    def with_closing(
+    def with_displacements(
         self, poses: Sequence[Array], part: _Part, rank: int
     ) -> tuple["_Robot", Array]:
         """The robot with displaced placements, so that a part closes next to these poses.
 
         Also returns the displacements d of all places, [linear; angular] for each, in lengths of
-        the loop and [rad].
+        the loop and [rad], shape (6 places,).
         """
-        result = self
-        places = self._places(part)
-        length = 1 / self._per_length(part)
-        scale_of_d = np.tile(np.repeat([length, 1.0], 3), len(places))  # to [m] and [rad]
-        total = np.zeros(len(scale_of_d))
+        robot = self
+        places = self.places(part)
+        total = np.zeros(6 * len(places))
         for _ in range(_STEPS):
-            equations = [result._equations(q, part, rank, places, scale_of_d) for q in poses]
+            equations = [robot._equations(q, part, rank, places) for q in poses]
             gap = max(float(np.abs(x.f_left).max(initial=0.0)) for x in equations)
             if gap < _CLOSED:
                 break
-            left = np.vstack([x.F_left for x in equations])
-            right = np.concatenate([x.f_left for x in equations])
-            # Away from closed poses the equations are wrong by about the gap: directions that are
-            # weaker than `_NOISE` gaps are noise.
-            d = -np.linalg.lstsq(left, right, rcond=max(_LEAST, _NOISE * gap))[0]
-            poses = [result._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
-            changes = dict(zip(places, (scale_of_d * d).reshape(-1, 6), strict=True))
-            result = result._displaced(changes)
+            # The shortest d with U^T (f + F d) = 0 in all poses.
+            F_left = np.vstack([x.F_left for x in equations])
+            f_left = np.concatenate([x.f_left for x in equations])
+            d = -np.linalg.lstsq(F_left, f_left, rcond=max(_LEAST, _NOISE * gap))[0]
+            poses = [robot._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
+            robot = robot._displaced(part, places, d)
             total += d
-        return result, total
+        return robot, total
 
     def _equations(
-        self, q: Array, part: _Part, rank: int, places: Mapping[str, int | None], scale_of_d: Array
+        self, q: Array, part: _Part, rank: int, places: Mapping[str, int | None]
     ) -> "_Equations":
         """The equations U^T (f + F d) = 0 at one pose, d in lengths of the loop and [rad].
 
         The columns of U are the combinations of rows that no motion of the joints changes.
         """
         U, s, Vt = np.linalg.svd(self._Phi(q, part))  # evaluates the loops at q
-        scale = self.mechanism.row_scale[part.rows]
-        f = self.loops.f[part.rows] * scale
-        F = by_displacements(self.loops, places)[part.rows] * scale[:, None] * scale_of_d
+        row_scale = self.mechanism.row_scale[part.rows]
+        f = self.loops.f[part.rows] * row_scale
+        F = by_displacements(self.loops, places)[part.rows] * row_scale[:, None]
+        F = F * self._units_of_d(part, places)
+        U_left = U[:, rank:]
         G = Vt[:rank].T / s[:rank] @ U[:, :rank].T
-        beyond = U[:, rank:].T
-        return _Equations(f, F, beyond @ f, beyond @ F, G)
+        return _Equations(f=f, F=F, f_left=U_left.T @ f, F_left=U_left.T @ F, G=G)
 
     def _followed(self, q: Array, part: _Part, equations: "_Equations", d: Array) -> Array:
         """The pose next to q after displacements d: joint motions remove what they can of f."""
@@ -378,9 +388,17 @@ class _Robot:
         step[part.rates] = -equations.G @ (equations.f + equations.F @ d)
         return pin.integrate(self.mechanism.model, q, step * self.mechanism.rate_scale)
 
-    def _displaced(self, changes: Displacements) -> "_Robot":
+    def _displaced(self, part: _Part, places: Mapping[str, int | None], d: Array) -> "_Robot":
+        """The robot with places displaced by d."""
+        in_metres_and_radians = (self._units_of_d(part, places) * d).reshape(-1, 6)
+        changes = dict(zip(places, in_metres_and_radians, strict=True))
         model = displaced(self.mechanism.model, changes)
         return _Robot(replace(self.mechanism, model=model))
+
+    def _units_of_d(self, part: _Part, places: Mapping[str, int | None]) -> Array:
+        """One unit of each displacement: a length of the loop, [m], or 1 rad, shape (6 places,)."""
+        length = 1 / self._per_length(part)
+        return np.tile(np.repeat([length, 1.0], 3), len(places))
 
     def _per_length(self, part: _Part) -> float:
         """One over the length of the loops of a part, [1/m]."""
@@ -389,21 +407,27 @@ class _Robot:
     def rounding(self, q: Array, part: _Part) -> float:
         """Size of the rounding of a part, [rad] or lengths of the loop.
 
-        It is that of the last digits of its placements, or the gap that is left at q, if larger. It
-        is 0 if the part closes at q and its numbers are not rounded.
+        It is the rounding of its placements, or the gap that is left at q, if larger. It is 0 if
+        the part closes at q and its numbers are not rounded.
         """
         # Files write angles with as many digits as lengths, so that all numbers count together.
         numbers = list[float]()
-        for place in self._places(part):
+        for place in self.places(part):
             _, placement = place_of(self.mechanism.model, place)
             numbers += [*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)]
         last_digit = half_a_digit(np.array(numbers)) * self._per_length(part)
         return max(last_digit, self.gap(self.closest(q, part.rates), part))
 
-    def _places(self, part: _Part) -> dict[str, int | None]:
-        """Joints of a part, with None, and frames that only one closure has, with their indices."""
-        model, closures = self.mechanism.model, self.mechanism.closures
-        uses = Counter(name for closure in closures for name in frames_of(closure))
+    def places(self, part: _Part) -> dict[str, int | None]:
+        """The places that may be displaced: joints of a part, and frames of one closure only.
+
+        The keys are names. The value of a joint is None, that of a frame its index.
+        """
+        model = self.mechanism.model
+        closures = self.mechanism.closures
+        uses = Counter[str]()
+        for closure in closures:
+            uses.update(frames_of(closure))
         places = dict[str, int | None]()
         for j in range(1, model.njoints):
             if model.joints[j].idx_v in part.rates:
@@ -437,28 +461,26 @@ class _Equations:
     G: Array
 
 
+# --- derivatives by displacements ----------------------------------------------------------------
+
+
 def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
     """Derivatives of f by displacements of places, see `geometry`, shape (rows, 6 places).
 
     A place is a joint, with None, or a frame, with its index.
     """
-    model, data, bodies = loops.model, loops.data, loops.tree.bodies
+    model = loops.model
     W = loops.W
     by = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
-        body, placement = place_of(model, place)
-        oMcarrier = data.oMi[bodies[body]]
         # Twists in the world of unit displacements: linear along the axes of the body that carries
         # the place, angular about the axes of the place.
+        body, placement = place_of(model, place)
+        oMcarrier = loops.data.oMi[loops.tree.bodies[body]]
         twists = (oMcarrier * placement).action
         twists[:3, :3] = oMcarrier.rotation
         for rows in loops.of_frames:
-            if frame is not None:
-                moves_b, moves_a = [end == frame for end in rows.frames]
-            else:
-                bodies_after = model.subtrees[model.getJointId(place)]
-                joints = [model.frames[end].parentJoint for end in rows.frames]
-                moves_b, moves_a = [joint in bodies_after for joint in joints]
+            moves_b, moves_a = [_moves(model, place, frame, end) for end in rows.frames]
             # A place that moves both frames in the same way does not change the closure.
             if moves_b and not moves_a:
                 by[rows.at, k] = W[rows.at, :6] @ twists
@@ -466,6 +488,15 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
                 by[rows.at, k] = W[rows.at, 6:] @ twists
     return by.reshape(len(by), -1)
 
+
+def _moves(model: pin.Model, place: str, frame: int | None, end: int) -> bool:
+    """Whether a displacement of a place moves the frame `end`: itself, or one after the joint."""
+    if frame is not None:
+        return frame == end
+    return model.frames[end].parentJoint in model.subtrees[model.getJointId(place)]
+
+
+# --- rounded numbers ------------------------------------------------------------------------------
 
 #: A number is rounded if it has fewer digits after the point than this.
 _DIGITS = 9
@@ -489,9 +520,13 @@ def half_a_digit(numbers: Array) -> float:
     return 0.0
 
 
+# --- the warning ----------------------------------------------------------------------------------
+
+
 def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     """Say how far loops were open, by the rows' errors, and how far placements were displaced."""
-    names, turns = list[str](), list[bool]()
+    names = list[str]()
+    turns = list[bool]()
     for closure in before.closures:
         for row in closure.rows:
             names.append(str(closure))
