@@ -19,7 +19,7 @@ from ..model.closures import Constraint
 from ..model.normal_tree import NormalTree
 from ..model.thresholds import CLOSURE_TOLERANCE
 from .closure_formulas import FramePair
-from .rows import CouplingRow, FrameRows, rows_of
+from .rows import FrameRows, JointRow, rows_of
 
 
 class Loops:
@@ -49,7 +49,7 @@ class Loops:
         self.data = self.tree.model.createData()
         all_rows = rows_of(model, self.tree, closures)
         self.of_frames = [rows for rows in all_rows if isinstance(rows, FrameRows)]
-        self.couplings = [rows for rows in all_rows if isinstance(rows, CouplingRow)]
+        self.couplings = [rows for rows in all_rows if isinstance(rows, JointRow)]
         ends = np.cumsum([0, *(len(closure.rows) for closure in closures)])
         self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
 

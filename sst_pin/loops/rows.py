@@ -10,6 +10,7 @@ J, shape (6, rates), has the twist [v; omega] at the world's origin that each ra
 tree gives at unit speed to all bodies that it moves.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -126,28 +127,46 @@ class CoupledJoint:
     P_2: Polynomial
 
 
-class CouplingRow:
-    """The row of a coupling of joints with one coordinate each: f = sum P_k(q_k) - offset.
+class JointRow(ABC):
+    """The row of a closure of joints, which depends on their positions only.
 
     Attributes:
         at: Where the row is in Phi.
-        joints: The joints, the dependent one first.
-        rate: Index in v of the dependent joint.
-        touched: Which rates change f, shape (nv,).
-        curved: Which rates change the row of Phi, shape (nv,): not those of linear polynomials.
+        joints: The joints of a coupling; none for a brake.
+        touched: Which rates the row depends on, shape (nv,).
+        curved: Which rates change the row of Phi, shape (nv,).
     """
 
-    def __init__(self, model: pin.Model, coupling: Coupling, at: slice) -> None:
+    def __init__(self, model: pin.Model, at: slice) -> None:
         self.at = at
+        self.joints: list[CoupledJoint] = []
+        self.touched: Flags = np.zeros(model.nv, dtype=bool)
+        self.curved: Flags = np.zeros(model.nv, dtype=bool)
+
+    @abstractmethod
+    def error(self, q: Array) -> float:
+        """f."""
+
+    @abstractmethod
+    def Phi(self, q: Array) -> Array:
+        """Jacobian of f, shape (nv,)."""
+
+    @abstractmethod
+    def Phi_dot(self, q: Array, v: Array) -> Array:
+        """Rate of Phi, shape (nv,)."""
+
+
+class CouplingRow(JointRow):
+    """The row of a coupling of joints with one coordinate each: f = sum P_k(q_k) - offset."""
+
+    def __init__(self, model: pin.Model, coupling: Coupling, at: slice) -> None:
+        super().__init__(model, at)
         self._offset = coupling.offset
         # joint = offset + sum of the polynomials of the other joints
         polynomials = {coupling.joint: Polynomial([0.0, 1.0])}
         for name, coefficients in coupling.polynomials.items():
             polynomials[name] = -Polynomial(coefficients)
 
-        self.joints: list[CoupledJoint] = []
-        self.touched: Flags = np.zeros(model.nv, dtype=bool)
-        self.curved: Flags = np.zeros(model.nv, dtype=bool)
         for name, P in polynomials.items():
             joint = model.joints[joint_id(model, name)]
             if (joint.nq, joint.nv) != (1, 1):
@@ -156,8 +175,7 @@ class CouplingRow:
             rate = joint.idx_v
             self.joints.append(CoupledJoint(joint.idx_q, rate, P, P.deriv(), P.deriv(2)))
             self.touched[rate] = True
-            self.curved[rate] = P.deriv(2).coef.any()
-        self.rate = self.joints[0].rate
+            self.curved[rate] = P.deriv(2).coef.any()  # not if P is linear
 
     def error(self, q: Array) -> float:
         """f."""
@@ -178,19 +196,13 @@ class CouplingRow:
         return Phi_dot
 
 
-class BrakeRow(CouplingRow):
-    """The row of a joint's rate that is held, at any position: f = 0, and Phi selects the rate.
-
-    It is a coupling without joints, so that `Phi_dot` is zero.
-    """
+class BrakeRow(JointRow):
+    """The row of a rate that a brake holds, at any position: f = 0, and Phi selects the rate."""
 
     def __init__(self, model: pin.Model, brake: Brake, at: slice) -> None:
-        self.at = at
-        self.joints = []
-        (self.rate,) = JointSpace(model).rates_of([brake.name])
-        self.touched = np.zeros(model.nv, dtype=bool)
-        self.touched[self.rate] = True
-        self.curved = np.zeros(model.nv, dtype=bool)
+        super().__init__(model, at)
+        (rate,) = JointSpace(model).rates_of([brake.name])
+        self.touched[rate] = True
 
     def error(self, q: Array) -> float:
         """f = 0."""
@@ -200,21 +212,25 @@ class BrakeRow(CouplingRow):
         """1 for the rate that is held, shape (nv,)."""
         return self.touched.astype(float)
 
+    def Phi_dot(self, q: Array, v: Array) -> Array:
+        """Zero, shape (nv,)."""
+        return np.zeros(len(self.touched))
+
 
 def rows_of(
     model: pin.Model, tree: NormalTree, closures: Sequence[Constraint]
-) -> list[FrameRows | CouplingRow]:
+) -> list[FrameRows | JointRow]:
     """The rows of all closures of a model with this normal tree, in the order of the closures."""
-    all_rows: list[FrameRows | CouplingRow] = []
+    all_rows: list[FrameRows | JointRow] = []
     first = 0  # the row of Phi that is next
     for closure in closures:
         if isinstance(closure, Coupling):
             all_rows.append(CouplingRow(model, closure, slice(first, first + 1)))
             first += 1
-        elif isinstance(closure, Brake) and closure.frames is None:
+        elif isinstance(closure, Brake) and closure.frames is None:  # the brake of a joint
             all_rows.append(BrakeRow(model, closure, slice(first, first + 1)))
             first += 1
-        else:
+        else:  # a closure of two frames, such as the brake of a line
             for formulas in formulas_of(closure):
                 at = slice(first, first + formulas.rows)
                 if isinstance(closure, ExtendedDistance):
