@@ -38,7 +38,7 @@ _HARMLESS = {
     "disable_collisions",
     "end_effector",
     "virtual_joint",
-    # joints that close loops, which `cut_joints` reads
+    # joints that close loops, which `loop_elements` reads
     "loop",
     "loop_constraint",
     "loop_joint",
@@ -115,7 +115,7 @@ def _gazebo(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
             elif reference not in joints:
                 yield warning(where, f"{tag} is not read: {reference!r} is no joint of this file")
     for plugin in element.findall("plugin"):
-        if not is_weld(plugin):  # `cut_joints` reads welds
+        if not is_weld(plugin):  # `loop_elements` reads welds
             yield from plugin_problem(plugin, where)
 
 

@@ -202,8 +202,8 @@ class JointGraph:
     def _add_constraint(self, joint: GraphJoint) -> None:
         """Add a joint that closes a loop, and problems of what such a joint cannot have.
 
-        It becomes a `<constraint>`, which `cut_joints` reads, with a link, an origin and an axis on
-        both sides. A universal joint has its first axis on the parent, its second on the child.
+        It becomes a `<constraint>`, which `loop_elements` reads, with a link, an origin and an axis
+        on both sides. A universal joint has its first axis on the parent, its second on the child.
         """
         first_axis = joint.axes[0]
         last_axis = joint.axes[-1]

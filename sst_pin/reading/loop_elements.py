@@ -94,7 +94,8 @@ def loop_elements(root: ET.Element) -> LoopElements:
     independent = tuple(_independent(root))
     for element in root.findall("coupling"):
         tags = ("predecessor", "successor", "ratio")
-        with _reporting(problems, element, unknown_parts(element, tags, ("name", "type"))):
+        faults = unknown_parts(element, tags=tags, attributes=("name", "type"))
+        with _reporting(problems, element, faults):
             gears.append(_gear(element, tree, independent))
     # Welds by plugins of Gazebo.
     for index, plugin in enumerate(root.findall("gazebo/plugin"), 1):
@@ -331,16 +332,16 @@ def _faults(element: ET.Element, sides: tuple[str, str]) -> Iterator[str]:
     origins = [f"{side}_origin" for side in sides]
     axes = [f"{side}_axis" for side in sides]
     tags = [*sides, *origins, *axes, "axis", "limit", "dynamics"]
-    yield from unknown_parts(element, tags, ["name", "type"])
+    yield from unknown_parts(element, tags=tags, attributes=["name", "type"])
     for part in element:
         if part.tag in sides:
-            yield from unknown_parts(part, ["origin"], ["link", "xyz", "rpy"])
+            yield from unknown_parts(part, tags=["origin"], attributes=["link", "xyz", "rpy"])
             for origin in part.findall("origin"):
-                yield from unknown_parts(origin, [], ["xyz", "rpy"])
+                yield from unknown_parts(origin, attributes=["xyz", "rpy"])
         elif part.tag in origins:
-            yield from unknown_parts(part, [], ["xyz", "rpy"])
+            yield from unknown_parts(part, attributes=["xyz", "rpy"])
         elif part.tag in (*axes, "axis"):
-            yield from unknown_parts(part, [], ["xyz"])
+            yield from unknown_parts(part, attributes=["xyz"])
         elif part.tag == "dynamics":
             yield from _acting_dynamics(part.attrib)
 
@@ -348,15 +349,16 @@ def _faults(element: ET.Element, sides: tuple[str, str]) -> Iterator[str]:
 def _faults_of_gazebo(joint: ET.Element) -> Iterator[str]:
     """Parts of a joint of Gazebo that are unknown, or that exert forces and are not read."""
     tags = ["parent", "child", "pose", "axis", "axis2", "physics"]
-    yield from unknown_parts(joint, tags, ["name", "type"], ["sensor"])
+    yield from unknown_parts(joint, tags=tags, attributes=["name", "type"], several=["sensor"])
     for pose in joint.findall("pose"):
-        yield from unknown_parts(pose, [], ["degrees"])
+        yield from unknown_parts(pose, attributes=["degrees"])
         if is_true(pose.get("degrees")):
             yield "a <pose> in degrees is not supported here"
+    known = ["xyz", "limit", "dynamics", "use_parent_model_frame"]
     for axis in (*joint.findall("axis"), *joint.findall("axis2")):
-        yield from unknown_parts(axis, ["xyz", "limit", "dynamics", "use_parent_model_frame"], [])
+        yield from unknown_parts(axis, tags=known)
         for xyz in axis.findall("xyz"):
-            yield from unknown_parts(xyz, [], [])
+            yield from unknown_parts(xyz)
         if is_true(axis.findtext("use_parent_model_frame")):
             yield "use_parent_model_frame is not supported here"
         for dynamics in axis.findall("dynamics"):

@@ -22,13 +22,13 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     for joint in map(int, np.flatnonzero(limited)):
         _put_joint_effort(compiled, tree, joint, mj.jnt_actfrcrange[joint])
     efforts_of_lines = dict[str, float]()
-    for (kind, target), force in _ranges(compiled).items():
+    for (kind, target), force_range in _ranges(compiled).items():
         # Sites and bodies, the other kinds of targets, drive no single rate.
         if kind == "joint":
-            _put_joint_effort(compiled, tree, target, force)
+            _put_joint_effort(compiled, tree, target, force_range)
         elif kind == "tendon":
             name = compiled.name("tendon", target)
-            effort = _effort(compiled, f"tendon {name}", force)
+            effort = _effort(compiled, f"tendon {name}", force_range)
             if compiled.is_spatial(target):
                 efforts_of_lines[name] = effort
             elif np.isfinite(effort):
@@ -37,19 +37,19 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     return efforts_of_lines
 
 
-def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force: Array) -> None:
+def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force_range: Array) -> None:
     """Write a range of forces into the tree, if the joint is a hinge or a slide that moves."""
     mj = compiled.mj
     rate = int(mj.jnt_dofadr[joint])
     if mj.jnt_type[joint] not in (HINGE, SLIDE) or rate not in tree.dofs:
         return
-    effort = _effort(compiled, f"joint {compiled.joint_name(joint)}", force)
+    effort = _effort(compiled, f"joint {compiled.joint_name(joint)}", force_range)
     if np.isfinite(effort):
         tree.model.effortLimit[tree.dofs.index(rate)] = effort
 
 
 def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
-    """The range of the force of all actuators on a target, by its kind and index."""
+    """Ranges of forces, shape (2,), of all actuators on a target, by its kind and index."""
     mj = compiled.mj
     ranges = dict[tuple[str, int], Array]()
     for actuator in actuators(compiled):
@@ -61,13 +61,13 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
         ranges[key] = ranges.get(key, 0.0) + range_of_one
     # Joints and tendons may limit the sum.
     prefixes = {"joint": "jnt", "tendon": "tendon"}
-    for (kind, target), force in ranges.items():
+    for (kind, target), force_range in ranges.items():
         if kind not in prefixes:
             continue
         limited = getattr(mj, f"{prefixes[kind]}_actfrclimited", None)
         if limited is not None and limited[target]:
             lower, upper = getattr(mj, f"{prefixes[kind]}_actfrcrange")[target]
-            force[:] = np.clip(force, lower, upper)
+            force_range[:] = np.clip(force_range, lower, upper)
     return ranges
 
 
@@ -92,9 +92,9 @@ def _range_of(compiled: Compiled, i: int) -> Array:
     return np.array([lower, upper])
 
 
-def _effort(compiled: Compiled, where: str, force: Array) -> float:
+def _effort(compiled: Compiled, where: str, force_range: Array) -> float:
     """The larger side of a range of forces; a note says if the sides differ."""
-    low, high = force
+    low, high = force_range
     effort = float(max(abs(low), abs(high)))
     if np.isfinite(effort) and low != -high:
         text = f"its motor gives {low:g} to {high:g}; {effort:g} is used for both directions"

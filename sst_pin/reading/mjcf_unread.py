@@ -36,8 +36,8 @@ _NOT_READ = {
 def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
     """Problems of forces and inertias that act on moving joints and are not supported."""
     problems = [
-        *_joint_problems(compiled),
-        *_tendon_problems(compiled, tree),
+        *_problems_of_partly_locked(compiled),
+        *_dead_band_problems(compiled, tree),
         *_yield_problems(compiled, tree),
         *_plugin_problems(compiled),
     ]
@@ -65,7 +65,7 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
     return problems
 
 
-def _joint_problems(compiled: Compiled) -> Iterator[str]:
+def _problems_of_partly_locked(compiled: Compiled) -> Iterator[str]:
     """Problems of joints that are locked in part and have forces that need all their rates."""
     mj = compiled.mj
     for joint in range(mj.njnt):
@@ -109,7 +109,7 @@ def _is_ball_locked_in_part(compiled: Compiled, joint: int) -> bool:
     return bool(is_ball) and 0 < len(compiled.locked_rates(joint)) < 3
 
 
-def _tendon_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
+def _dead_band_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
     """Springs of fixed tendons without a force in a range of lengths."""
     if compiled.disabled("spring"):
         return

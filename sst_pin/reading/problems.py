@@ -107,8 +107,9 @@ def stands_for(text: str, value: float) -> bool:
 
 def unknown_parts(
     element: ET.Element,
-    tags: Collection[str],
-    attributes: Collection[str],
+    *,
+    tags: Collection[str] = (),
+    attributes: Collection[str] = (),
     several: Collection[str] = (),
     others: bool = False,
 ) -> Iterator[str]:

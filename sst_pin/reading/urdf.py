@@ -61,8 +61,8 @@ class Urdf:
             raise InputError("model", "only an SDF has several models")
         if is_weightless(self.root):
             self.gravity = np.zeros(3)
-        notices += [*add_defaults(self.root)]
-        notices += [*unread_elements(self.root, self.gravity, is_sdf)]
+        notices += add_defaults(self.root)
+        notices += unread_elements(self.root, self.gravity, is_sdf)
         self.numbers = joint_numbers(self.root)
         self.loop_elements = loop_elements(self.root)
         self.notices = tuple(notice for notice in notices if notice.severity != "error")

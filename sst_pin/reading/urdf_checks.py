@@ -73,7 +73,7 @@ _FRAME_ATTRIBUTES = ["name", "link", "xyz", "rpy"]
 def _drake_frame(frame: ET.Element, links: Collection[str | None]) -> Iterator[Problem]:
     """Errors of a frame of Drake, which is fixed to one of the links."""
     where = f"frame {frame.get('name')}"
-    for text in unknown_parts(frame, [], _FRAME_ATTRIBUTES):
+    for text in unknown_parts(frame, attributes=_FRAME_ATTRIBUTES):
         yield error(where, text)
     link = frame.get("link", "")
     if link not in links:
@@ -147,7 +147,9 @@ def _parts(element: ET.Element) -> Iterator[str]:
     else:
         tags = ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic"]
         several = ["calibration", "safety_controller"]
-    yield from unknown_parts(element, tags, ["name", "type"], several, others=True)
+    yield from unknown_parts(
+        element, tags=tags, attributes=["name", "type"], several=several, others=True
+    )
     for part in element:
         if part.tag in tags:
             yield from _content(part)
@@ -156,14 +158,14 @@ def _parts(element: ET.Element) -> Iterator[str]:
 def _content(part: ET.Element) -> Iterator[str]:
     """Faults of a part of a link or a joint."""
     if part.tag == "inertial":
-        yield from unknown_parts(part, ["origin", "mass", "inertia"], [], others=True)
+        yield from unknown_parts(part, tags=["origin", "mass", "inertia"], others=True)
         for child in part:
             if child.tag in ("origin", "mass", "inertia"):
                 yield from _content(child)
     elif part.tag in ("limit", "dynamics", "axis"):  # the reader names what else is in them
-        yield from unknown_parts(part, [], _ATTRIBUTES[part.tag], others=True)
+        yield from unknown_parts(part, attributes=_ATTRIBUTES[part.tag], others=True)
     elif part.tag in _ATTRIBUTES:
-        yield from unknown_parts(part, [], _ATTRIBUTES[part.tag])
+        yield from unknown_parts(part, attributes=_ATTRIBUTES[part.tag])
 
 
 def _link(link: ET.Element, where: str) -> Iterator[Problem]:
