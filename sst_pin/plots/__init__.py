@@ -9,6 +9,7 @@ except ImportError:
     raise MissingExtraError("matplotlib", "plot") from None
 
 from .abilities import convex_set, equal_area, reach_map
+from .load_page import loads_page
 from .motions import (
     condition_number,
     energy_balance,
@@ -17,7 +18,7 @@ from .motions import (
     motor_torques,
     powers,
 )
-from .pages import SUBJECTS, loads_page, motion_page, torques_page
+from .pages import SUBJECTS, motion_page
 from .pages import summary_of as summary_of  # with an alias: for the commands alone
 from .paper_figures import paper_figures as paper_figures
 from .shares import tolerance_shares
@@ -25,6 +26,7 @@ from .space import frame_path, paths_on_sphere, robot_pose
 from .style import figure_writer as figure_writer
 from .style import picture_kind as picture_kind
 from .style import style
+from .torque_page import torques_page
 
 __all__ = [
     "SUBJECTS",

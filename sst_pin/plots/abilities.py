@@ -109,10 +109,11 @@ def equal_area(directions: ArrayLike, middle: ArrayLike) -> Array:
     ahead = single_array("middle", middle, (3,))
     ahead = ahead / np.linalg.norm(ahead)
     up = np.array([0.0, 0.0, 1.0]) if abs(ahead[2]) < 1 - 1e-9 else np.array([0.0, 1.0, 0.0])
-    right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
     s = s / np.linalg.norm(s, axis=-1, keepdims=True)
-    onto = np.stack([right, np.cross(ahead, right)], axis=-1)
-    return np.asarray(s @ onto * np.sqrt(2 / (1 + s @ ahead))[..., None])
+    # The axes of the map, to the right and upwards.
+    right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
+    axes = np.stack([right, np.cross(ahead, right)], axis=-1)
+    return np.asarray(s @ axes * np.sqrt(2 / (1 + s @ ahead))[..., None])
 
 
 def reach_map(

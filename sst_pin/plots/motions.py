@@ -9,6 +9,7 @@ robot and for curves of several units, UnknownNameError for an unknown name. `st
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -128,21 +129,18 @@ def _positions(motion: Trajectory) -> Curves:
     names = []
     units = []
     columns = []
-    k = 0
-    while k < len(motion.joint_names):
-        name = motion.joint_names[k]
-        unit = motion.units[k]
-        column = motion.q[:, k]
-        if not unit and name.endswith("_cos"):
-            sine = motion.q[:, k + 1]
-            name = name.removesuffix("_cos")
-            unit = "rad"
-            column = np.unwrap(np.arctan2(sine, column))
-            k += 1
-        names.append(name)
-        units.append(unit)
-        columns.append(np.degrees(column) if unit == "rad" else column)
-        k += 1
+    for k, (name, unit) in enumerate(zip(motion.joint_names, motion.units, strict=True)):
+        if not unit and name.endswith("_cos"):  # its sine is the next column
+            angle = np.unwrap(np.arctan2(motion.q[:, k + 1], motion.q[:, k]))
+            names.append(name.removesuffix("_cos"))
+            units.append("rad")
+            columns.append(np.degrees(angle))
+        elif not unit and name.endswith("_sin") and motion.joint_names[k - 1].endswith("_cos"):
+            continue
+        else:
+            names.append(name)
+            units.append(unit)
+            columns.append(np.degrees(motion.q[:, k]) if unit == "rad" else motion.q[:, k])
     return Curves(tuple(names), tuple(units), np.stack(columns, axis=1))
 
 
@@ -162,30 +160,36 @@ def upper_bound(value: float) -> str:
     return rf"${digit}\times 10^{{{exponent}}}$" if digit < 10 else rf"$10^{{{exponent + 1}}}$"
 
 
-#: For each subject the function that draws it and, if it may need several axes, the function that
-#: returns its curves.
-CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
-    "torques": (motor_torques, _torques),
-    "joints": (joint_angles, _positions),
-    "rates": (joint_rates, _rates),
-    "power": (powers, _powers),
-    "energy": (energy_balance, None),
-    "condition": (condition_number, None),
-}
+#: Subjects of curves over time.
+SUBJECTS_OVER_TIME = ("torques", "joints", "rates", "power", "energy", "condition")
 
 
 def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> list[Callable[[Axes], Axes]]:
-    """Functions that draw a subject, one of `CURVES`, each into one pair of axes."""
-    draw, curves_of = CURVES[subject]
-    if subject in ("torques", "joints"):
-        arguments: tuple[Any, ...] = (motion,)
-    else:
-        arguments = (robot, motion)
-    if curves_of is None:
-        return [lambda ax: draw(ax, *arguments)]
+    """Functions that draw a subject, one of `SUBJECTS_OVER_TIME`, each into one pair of axes.
 
-    def panel(names: Sequence[str]) -> Callable[[Axes], Axes]:
-        """A function that draws the curves of some names."""
-        return lambda ax: draw(ax, *arguments, names)
+    Curves of several units, or more than fit into one pair of axes, are divided.
+    """
+    if subject == "torques":
+        return _divided(_torques(motion), lambda ax, names: motor_torques(ax, motion, names))
+    if subject == "joints":
+        return _divided(_positions(motion), lambda ax, names: joint_angles(ax, motion, names))
+    if subject == "rates":
+        all_rates = _rates(robot, motion)
+        return _divided(all_rates, lambda ax, names: joint_rates(ax, robot, motion, names))
+    if subject == "power":
+        return _divided(_powers(robot, motion), lambda ax, names: powers(ax, robot, motion, names))
+    if subject == "energy":
+        return [lambda ax: energy_balance(ax, robot, motion)]
+    return [lambda ax: condition_number(ax, robot, motion)]
 
-    return [panel(names) for names in curves_of(*arguments).panels()]
+
+def _divided(
+    all_curves: Curves, draw: Callable[[Axes, Sequence[str]], Axes]
+) -> list[Callable[[Axes], Axes]]:
+    """For each pair of axes the function that draws its curves, by their names."""
+    return [partial(_drawn, draw, names) for names in all_curves.panels()]
+
+
+def _drawn(draw: Callable[[Axes, Sequence[str]], Axes], names: Sequence[str], ax: Axes) -> Axes:
+    """Draw the curves of some names into axes."""
+    return draw(ax, names)

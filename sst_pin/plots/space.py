@@ -207,13 +207,18 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     """Set equal scales for a sphere; show only the octant of the paper if s stays within it."""
     octant = s.min() > -0.15
     limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
-    least = radius / 2.7  # of smaller steps the numbers would run into one another
-    power = 10 ** np.floor(np.log10(least))
-    step = min(m for m in (1, 2, 5, 10) if m * power >= least) * power * (1 if octant else 2)
+    # The step of the numbers is 1, 2 or 5 times a power of ten: the smallest one with which they do
+    # not run into one another.
+    least_step = radius / 2.7
+    power = 10 ** np.floor(np.log10(least_step))
+    step = min(factor * power for factor in (1, 2, 5, 10) if factor * power >= least_step)
+    if not octant:
+        step *= 2
     ax.set(xlim=limits, ylim=limits, zlim=limits)
     ax.set_box_aspect((1, 1, 1), zoom=0.84)
+    # The camera looks from the quadrant of the base triangle's centre.
     x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
-    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)  # of the base triangle's centre
+    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)
     ax.view_init(elev=28, azim=float(90 * quadrant + 38))
     for axis, _ in _labelled_axes(ax):
         axis.labelpad = 5

@@ -19,9 +19,10 @@ from ..model.closures import Closure, Distance
 from ..model.lines import LineForce
 from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_id, joint_id
-from .building_blocks import Tree, joint_shapes
+from .building_blocks import Tree
+from .joint_shapes import joint_shapes
 
-#: Coordinates of joints by name.
+#: Coordinates of joints by name: a number, or several of a joint with several coordinates.
 Joints = dict[str, Any]
 _Build = TypeVar("_Build", bound=Callable[..., "GalleryRobot"])
 
@@ -70,19 +71,18 @@ class GalleryRobot(ClosedChain):
     ) -> None:
         self._tree = tree.model
         self._shapes = tree.visual_model
-        self._joints = joints
-        # The columns of a pose that are compared: of a point only its position.
-        self._columns = slice(3 if point else 0, 4)
+        self._closed_form = joints
+        self._is_point = point
         problem = f"{tree.model.name}: with these dimensions the loops do not close at home"
         q = self._configuration(home)
         if not np.isfinite(q).all():
             raise WorkspaceError(problem)
         tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
         super().__init__(tree.model, closures, actuated, lines=lines)
-        for shape in joint_shapes(tree, closures, actuated):
+        for shape in joint_shapes(tree.model, tree.visual_model, closures, actuated):
             tree.visual_model.addGeometryObject(shape)
         try:
-            self.inverse_kinematics(home)
+            self.inverse_kinematics(home)  # it checks that the loops close
         except (InputError, WorkspaceError):
             raise WorkspaceError(problem) from None
 
@@ -108,30 +108,31 @@ class GalleryRobot(ClosedChain):
         matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
         poses = finite_array("pose", matrices, (4, 4))
 
-        # Units of the entries of a pose, in which it is compared with the one that is reached.
+        return for_each_sample(self._checked_configuration, (poses,), (2,), (self._tree.nq,))
+
+    def _checked_configuration(self, pose: Array) -> Array:
+        """The configuration for one pose, a homogeneous matrix, if the robot reaches the pose."""
+        q = self._configuration(pin.SE3(pose))
+        if not np.isfinite(q).all():
+            raise WorkspaceError("the pose of the platform is out of reach")
+        q = self.mechanism.space.normalised(q)
+        loops = self.engine.loops.at(q)
+        openings = np.abs(loops.f)
+        errors = np.abs(self._pose_in(loops.data) - pose)
+        if self._is_point:
+            errors[:3, :3] = 0.0  # its orientation does not count
+        # Both free of units.
         units = np.ones((4, 4))
         units[:3, 3] = self.mechanism.length
-
-        def joints(pose: Array) -> Array:
-            """The configuration for one pose, a homogeneous matrix."""
-            q = self._configuration(pin.SE3(pose))
-            if not np.isfinite(q).all():
-                raise WorkspaceError("the pose of the platform is out of reach")
-            q = self.mechanism.space.normalised(q)
-            loops = self.engine.loops.at(q)
-            openings = np.abs(loops.f)
-            gap = np.abs(self._pose_in(loops.data) - pose)[:, self._columns]
-            largest_gap = (gap / units[:, self._columns]).max()
-            largest_opening = (openings * self.mechanism.row_scale).max(initial=0.0)
-            if max(largest_gap, largest_opening) > CLOSURE_TOLERANCE:
-                raise WorkspaceError(
-                    f"the platform cannot reach this pose: its error would be {gap.max():.3g} and "
-                    f"the loops open by {openings.max(initial=0.0):.3g} (m or rad); "
-                    "platform_pose(q) gives poses that it can reach"
-                )
-            return q
-
-        return for_each_sample(joints, (poses,), (2,), (self._tree.nq,))
+        largest_error = (errors / units).max()
+        largest_opening = (openings * self.mechanism.row_scale).max(initial=0.0)
+        if max(largest_error, largest_opening) > CLOSURE_TOLERANCE:
+            raise WorkspaceError(
+                f"the platform cannot reach this pose: its error would be {errors.max():.3g} and "
+                f"the loops open by {openings.max(initial=0.0):.3g} (m or rad); "
+                "platform_pose(q) gives poses that it can reach"
+            )
+        return q
 
     def platform_pose(self, q: ArrayLike) -> Array:
         """Poses of the platform in the base, homogeneous matrices of shape (..., 4, 4).
@@ -150,9 +151,9 @@ class GalleryRobot(ClosedChain):
     def _configuration(self, pose: pin.SE3) -> Array:
         """The configuration in closed form; NaN out of reach."""
         q: Array = pin.neutral(self._tree)
-        with np.errstate(invalid="ignore"):
-            joints = self._joints(pose)
-        for name, value in joints.items():
+        with np.errstate(invalid="ignore"):  # the arccosine of a ratio above 1 is NaN
+            coordinates = self._closed_form(pose)
+        for name, value in coordinates.items():
             joint = self._tree.joints[joint_id(self._tree, name)]
             q[joint.idx_q : joint.idx_q + joint.nq] = value
         return q

@@ -33,7 +33,7 @@ class _Drive:
     name: str
     #: The joint of the link.
     link: str
-    #: The motor's axis in the frame of the joint, its link not turned, shape (3,), [m].
+    #: Where the motor is in the frame of the joint at 0, shape (3,), [m].
     motor: Array
     #: Length of the crank, [m].
     crank: float
@@ -72,13 +72,19 @@ class _Drive:
         rod has its length if |r - c(phi)| = length for the eye at r = (x, y, z), thus
 
             -x cos(phi) + z sin(phi) = (r . r + crank^2 - length^2) / (2 crank).
+
+        The left side is h cos(phi - phi_0) with h = |(x, z)| and phi_0 = atan2(z, -x). Of the two
+        solutions phi_0 +- acos(...), the crank takes that with the larger angle.
         """
-        x, y, z = R @ self.eye - self.motor
+        r = R @ self.eye - self.motor
+        x, y, z = r
         square = x * x + y * y + z * z
         right_side = (square + self.crank**2 - self.length**2) / (2 * self.crank)
         motor = np.arctan2(z, -x) + np.arccos(right_side / np.hypot(x, z))
-        # From the eye to the tip of the crank, in the frame of the crank: the rod's z axis.
-        z_axis = -(_pitch_roll(motor).T @ (x, y, z)) - (self.crank, 0.0, 0.0)
+        # The z axis of the rod points from the eye to the tip of the crank, at (-crank, 0, 0) in
+        # the frame of the crank.
+        eye_in_crank = _pitch_roll(motor).T @ r
+        z_axis = (-self.crank, 0.0, 0.0) - eye_in_crank
         if self.is_planar:
             rod_angles = np.arctan2(z_axis[0], z_axis[2])
         else:
@@ -328,7 +334,7 @@ def _leg_joints(
     """Inverse kinematics of the leg, with the lengths of thigh and shank.
 
     Hip and knee are a two-link arm to the ankle, where z downward is the first axis of its plane
-    and x backward the second. The ankle has what they leave of the foot's orientation.
+    and x backward the second. The ankle turns the foot from the shank to its orientation.
     """
     thigh, shank = lengths
     x, _, z = pose.translation

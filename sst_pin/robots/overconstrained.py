@@ -125,28 +125,30 @@ def _spherical_3rrr(
 def _spherical_joints(pose: pin.SE3) -> Joints:
     """Inverse kinematics in closed form, one leg after the other.
 
-    The platform's pose gives the axis w of the wrist. The elbow's axis is Rot_z(motor) Rot_x(pi/2)
-    z = (sin motor, -cos motor, 0) in the frame of the motor, and must be normal to w = (x, y, z)
-    there: tan motor = y / x. In the frame of the elbow in the same way w = (sin elbow, -cos elbow,
-    0).
+    The pose of the platform gives the axis w of the wrist. In the frame of the motor, the axis of
+    the elbow is Rot_z(motor) Rot_x(pi/2) z = (sin motor, -cos motor, 0). It must be normal to w =
+    (x, y, z) there, so tan motor = y / x. In the frame of the elbow, w is the axis of the next
+    hinge in the same way: (x, y, z) = (sin elbow, -cos elbow, 0).
     """
     joints: Joints = {}
     quarter = rotated_about_x(np.pi / 2).rotation
     for k in _LEGS:
         wrist = pose.rotation @ _wrist_on_platform(k).rotation
-        R = _motor_on_base(k).rotation
-        x, y, _ = R.T @ wrist[:, 2]
-        motor = np.arctan2(y, x)
+        w = wrist[:, 2]
+
+        motor_frame = _motor_on_base(k).rotation
+        w_in_motor = motor_frame.T @ w
+        motor = np.arctan2(w_in_motor[1], w_in_motor[0])
         joints[f"motor_{k}"] = motor
 
-        R = R @ rpyToMatrix(0.0, 0.0, motor) @ quarter  # the frame of the elbow
-        x, y, _ = R.T @ wrist[:, 2]
-        elbow = np.arctan2(x, -y)
+        elbow_frame = motor_frame @ rpyToMatrix(0.0, 0.0, motor) @ quarter
+        w_in_elbow = elbow_frame.T @ w
+        elbow = np.arctan2(w_in_elbow[0], -w_in_elbow[1])
         joints[f"elbow_{k}"] = elbow
 
         if k == 1:  # the other wrists are closures
-            R = R @ rpyToMatrix(0.0, 0.0, elbow) @ quarter
-            joints["wrist_1"] = angle_about_z(R.T @ wrist)
+            wrist_frame = elbow_frame @ rpyToMatrix(0.0, 0.0, elbow) @ quarter
+            joints["wrist_1"] = angle_about_z(wrist_frame.T @ wrist)
     return joints
 
 
@@ -156,7 +158,11 @@ def _motor_on_base(k: int) -> pin.SE3:
 
 
 def _wrist_on_platform(k: int) -> pin.SE3:
-    """The frame of wrist k on the platform. Its z axis is the wrist's; the three axes point up."""
+    """The frame of wrist k on the platform. Its z axis is the wrist's; the three axes point up.
+
+    At home the axes of motor k, elbow k and wrist k are at right angles, as two edges of a cube and
+    the edge normal to both: the azimuths of motor and wrist differ by 300 degrees.
+    """
     return _along_cube(2 * np.pi / 3 * (k + 1) + np.pi, _CUBE)
 
 

@@ -15,9 +15,10 @@ UPRIGHT = pin.SE3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
 
 
 def shift(origin: ArrayLike) -> pin.SE3:
-    """A placement that does not turn; shape (2,) or (3,), [m]."""
-    x, y, *z = np.asarray(origin, dtype=float)
-    return pin.SE3(np.eye(3), np.array([x, y, *(z or [0.0])]))
+    """A placement that does not turn, by its origin: x, y and perhaps z, [m]."""
+    translation = np.zeros(3)
+    translation[: np.size(origin)] = origin
+    return pin.SE3(np.eye(3), translation)
 
 
 def planar(x: float, y: float, angle: float) -> pin.SE3:
@@ -69,3 +70,8 @@ def universal_angles(vector: ArrayLike) -> tuple[float, float]:
     """Turns about x and then y that bring the z axis to a direction; shape (3,)."""
     x, y, z = np.asarray(vector, dtype=float)
     return float(np.arctan2(-y, z)), float(np.arctan2(x, np.hypot(y, z)))
+
+
+def rotation_z_to(direction: Array) -> Array:
+    """A rotation that brings the z axis to a direction of any length, shape (3, 3)."""
+    return pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), direction).matrix()

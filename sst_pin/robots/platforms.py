@@ -154,8 +154,8 @@ def hexaglide(
     for k, (y, vertex) in enumerate(zip(rails, vertices, strict=True), 1):
         carriage = box(carriage_mass, (0.08, 0.04, 0.04))
         tree.joint(f"carriage_{k}", pin.JointModelPX(), carriage, at=shift((0, y)))
-        bar = rod(strut_mass, (0, 0, strut), 0.01)
-        tree.joint(f"strut_{k}", pin.JointModelUniversal(_X, _Y), bar, f"carriage_{k}")
+        strut_rod = rod(strut_mass, (0, 0, strut), 0.01)
+        tree.joint(f"strut_{k}", pin.JointModelUniversal(_X, _Y), strut_rod, f"carriage_{k}")
         tree.frame(f"end_of_strut_{k}", f"strut_{k}", (0, 0, strut))
         tree.frame(f"ball_{k}", "platform", vertex)
     closures = [Closure(f"ball_{k}", f"end_of_strut_{k}", "3d") for k in range(1, 7)]
@@ -164,7 +164,7 @@ def hexaglide(
     return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 2 / 3 * strut)))
 
 
-#: Whether a carriage of the hexaglide stands behind its ball along x, -1, or before it, 1.
+#: On which side of its ball each carriage of the hexaglide is: at smaller x, -1, or larger x, 1.
 _SIDES = (-1, 1, -1, 1, -1, 1)
 
 
@@ -264,7 +264,8 @@ def delta(
     """
     tree = Tree("delta")
     closures = []
-    first = np.array([platform_radius, spacing / 2, 0])  # the ball of rod_1a on the platform
+    # In the tree the platform hangs on the ball of rod_1a, which is at `first` in its frame.
+    first = np.array([platform_radius, spacing / 2, 0])
     end = (0, 0, -forearm)
     for k in (1, 2, 3):
         leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
@@ -276,9 +277,9 @@ def delta(
             kind = pin.JointModelUniversal(_X, _Y)
             tree.joint(f"rod_{name}", kind, bars, f"motor_{k}", at)
             if name == "1a":
-                (plate,) = disc(platform_mass, platform_radius, 0.01)
-                plates = [plate._replace(at=shift(-first))]
-                tree.joint("ball", pin.JointModelSpherical(), plates, "rod_1a", shift(end))
+                plate = disc(platform_mass, platform_radius, 0.01)
+                plate = [solid._replace(at=shift(-first)) for solid in plate]
+                tree.joint("ball", pin.JointModelSpherical(), plate, "rod_1a", shift(end))
                 tree.platform("ball", -first)
             else:
                 vertex = leg.act(np.array([platform_radius, offset, 0]))

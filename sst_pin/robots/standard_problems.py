@@ -58,22 +58,38 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
 def _bricard_joints(length: float, pose: pin.SE3) -> Joints:
     """Inverse kinematics, from both ends of the open chain to the platform's hinge.
 
-    The frame of the platform is at the third hinge: rods 1 and 2 are a chain of two turns to it
-    from the first hinge. The chain from the last pin, at (0, 0, length) in the base, is seen from
-    the platform.
+    The frame of the platform is at hinge 3. With lengths in units of the rods, two chains of two
+    rods lead to a point p = (x, y, z). From the base, rods 1 and 2 turn about y and then about z:
+
+        p = Rot_y(a) [(1, 0, 0) + Rot_z(b) (0, -1, 0)]
+          = ((1 + sin b) cos a, -cos b, -(1 + sin b) sin a),
+
+    so that 1 + sin b = sqrt(x^2 + z^2). From the platform, rods 4 and 5 lead in the same way from
+    hinge 4, at (0, 0, 1), to the last pin, which is at (0, 0, 1) in the base:
+
+        p = Rot_y(a) [(-1, 0, 0) + Rot_z(b) (0, 1, 0)]
+          = (-(1 + sin b) cos a, cos b, (1 + sin b) sin a).
     """
     x, y, z = pose.translation / length
-    first = np.arctan2(-z, x)
-    second = np.arctan2(np.hypot(x, z) - 1, -y)
-    R_2 = rpyToMatrix(0.0, first, 0.0) @ rpyToMatrix(0.0, 0.0, second)  # of the second rod
-    R_3 = R_2.T @ pose.rotation  # of the platform on it: a turn about x
-    x, y, z = pose.actInv(np.array([0, 0, length])) / length - (0, 0, 1)
+    hinge_1 = np.arctan2(-z, x)
+    hinge_2 = np.arctan2(np.hypot(x, z) - 1, -y)
+
+    # Hinge 3 turns the platform about x on the second rod.
+    second_rod = rpyToMatrix(0.0, hinge_1, 0.0) @ rpyToMatrix(0.0, 0.0, hinge_2)
+    R = second_rod.T @ pose.rotation
+    hinge_3 = np.arctan2(R[2, 1], R[1, 1])
+
+    last_pin = np.array([0, 0, length])
+    hinge_4_to_pin = pose.actInv(last_pin) / length - (0, 0, 1)
+    x, y, z = hinge_4_to_pin
+    hinge_4 = np.arctan2(z, -x)
+    hinge_5 = np.arctan2(np.hypot(x, z) - 1, y)
     return {
-        "hinge_1": first,
-        "hinge_2": second,
-        "hinge_3": np.arctan2(R_3[2, 1], R_3[1, 1]),
-        "hinge_4": np.arctan2(z, -x),
-        "hinge_5": np.arctan2(np.hypot(x, z) - 1, y),
+        "hinge_1": hinge_1,
+        "hinge_2": hinge_2,
+        "hinge_3": hinge_3,
+        "hinge_4": hinge_4,
+        "hinge_5": hinge_5,
     }
 
 
@@ -107,7 +123,11 @@ def slider_crank() -> GalleryRobot:
 
 
 def _rod_turns(ball: Array, slider: float) -> tuple[float, float]:
-    """Turns about x and then y of the rod from the slider, [m], to the ball, shape (3,)."""
+    """Turns about x and then y of the rod from the slider, [m], to the ball, shape (3,).
+
+    The rod is along -x of its frame: Rot_x(a) Rot_y(b) (-1, 0, 0) = (-cos b, -sin a sin b, cos a
+    sin b) has the direction (x, y, z), where sin b > 0.
+    """
     x, y, z = ball - (slider, 0, 0)
     return float(np.arctan2(-y, z)), float(np.arctan2(np.hypot(y, z), -x))
 

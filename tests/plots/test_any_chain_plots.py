@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import sst_pin
 from sst_pin import plots
 from sst_pin.plots import curves
-from sst_pin.plots.motions import CURVES
+from sst_pin.plots.motions import SUBJECTS_OVER_TIME
 from sst_pin.plots.style import StyledFigure
 from tests.support.figure_texts import require_legible
 
@@ -33,7 +33,7 @@ def fallen(name, at_home=True):
 @pytest.mark.parametrize("name", ["five_bar", pytest.param("stewart", marks=pytest.mark.slow)])
 def test_a_page_of_any_robot_is_legible(name, monkeypatch):
     robot, motion = fallen(name)
-    require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)
+    require_legible(plots.motion_page(robot, motion, SUBJECTS_OVER_TIME), monkeypatch)
 
 
 def test_axes_have_the_units_of_their_joints():

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A page of measured and predicted torques."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from ..arrays import finite_array
+from ..description.colours import HUES
+from ..errors import InputError
+from ..simulation.trajectories import Trajectory
+from .curves import label, legend_above, zero_line
+from .style import StyledFigure, style
+
+
+def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
+    """Measured torques of the motors, predicted ones, and the difference, a row for each motor.
+
+    Args:
+        motion: A motion with measured torques.
+        predicted: Torques for it, as of `identification.predicted_torques`, shape (N, motors).
+
+    Raises:
+        InputError: If the shapes differ, or for a motion without motors.
+    """
+    tau = finite_array("predicted", predicted, (motion.tau.shape[1],))
+    if tau.shape != motion.tau.shape:
+        raise InputError("predicted", f"shape {tau.shape}, expected {motion.tau.shape}")
+    if not motion.motor_names:
+        raise InputError("motion", "has no motors")
+    count = len(motion.motor_names)
+    figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
+    with style():
+        rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        for k, ax in enumerate(rows):
+            measured = motion.tau[:, k]
+            computed = tau[:, k]
+            unit = motion.torque_units[k].replace("Nm", "N m")
+            zero_line(ax)
+            ax.plot(motion.t, measured, color=HUES[0], label="measured")
+            ax.plot(motion.t, computed, color=HUES[1], linestyle="--", label="predicted")
+            ax.plot(motion.t, measured - computed, color="black", linewidth=0.6, label="difference")
+            ax.set_ylabel(f"{label(motion.motor_names[k])} ({unit})")
+        rows[-1].set_xlabel("time (s)")
+        legend_above(rows[0], columns=3)
+    return figure
