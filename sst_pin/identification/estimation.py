@@ -241,14 +241,20 @@ def _mean_signs(v: Array) -> Array:
     The mean is over half a sample before and half a sample after, along straight lines between the
     samples. So filtered friction shows when the sign changes between samples.
     """
-    means = (v[1:] + v[:-1]) / 2
-    halves = []
-    for ends in (np.concatenate([v[:1], means]), np.concatenate([means, v[-1:]])):
-        # The mean of sign(v) from v to the end of a straight line, times sign(v).
-        with np.errstate(divide="ignore", invalid="ignore"):
-            half = (np.abs(ends) - np.abs(v)) / (ends - v) * np.sign(v)
-        halves.append(np.where(np.isfinite(half), half, 1.0))
-    return np.mean(halves, axis=0)
+    middles = (v[1:] + v[:-1]) / 2
+    before = _mean_sign_to(v, np.concatenate([v[:1], middles]))
+    after = _mean_sign_to(v, np.concatenate([middles, v[-1:]]))
+    return np.mean([before, after], axis=0)
+
+
+def _mean_sign_to(v: Array, end: Array) -> Array:
+    """The mean of sign along straight lines from v to an end e, times sign(v).
+
+    The mean is (|e| - |v|) / (e - v).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = (np.abs(end) - np.abs(v)) / (end - v) * np.sign(v)
+    return np.where(np.isfinite(mean), mean, 1.0)
 
 
 class _Fit(NamedTuple):
@@ -270,7 +276,7 @@ def _fit(equations: _Equations, noise: Array, weights: Array, correlations: Arra
     z = whitened_equations.z
     weighted_A = A * weights[..., None]
     values, R_inverse = solved(weighted_A, z * weights)
-    torques_of_z = whitened_equations.torques_of_z / noise[:, None]
+    torques_of_z = whitened_equations.torques_of_z / noise[:, None]  # in units of their noise
     return _Fit(
         whitened=whitened_equations,
         values=values,
