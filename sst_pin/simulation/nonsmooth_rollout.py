@@ -130,10 +130,10 @@ def nonsmooth_rollout(
         tau=np.require(samples.tau, float, "C"),
         positions=samples.motor_positions,
         load=samples.wrenches,
-        q=np.full((count, steps + 1, mechanism.model.nq), np.nan),
-        va=np.full((count, steps + 1, len(mechanism.coordinates)), np.nan),
-        forces=np.full((count, steps, impulses), np.nan),
-        residual=np.full((count, steps), np.nan),
+        q=np.empty((count, steps + 1, mechanism.model.nq)),
+        va=np.empty((count, steps + 1, len(mechanism.coordinates))),
+        forces=np.empty((count, steps, impulses)),
+        residual=np.empty((count, steps)),
         impulses=np.zeros((count, impulses)),  # of the last step: where the solver starts
     )
     arrays.q[:, 0] = samples.q0

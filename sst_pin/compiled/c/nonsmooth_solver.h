@@ -58,6 +58,10 @@ typedef struct {
     const int *kinds;
     number *w, *F, *y, *dx, *D, *right, *row; /* workspace: m each, D m * m */
     int *inside;
+    /* Factors in D: of the rows of `factorized`, which are as `inside`, with this proximal term; 0 if
+     * there are none. */
+    int *factorized;
+    number factors_for;
 } problem;
 
 SMALL number length_of(number a, number b)
@@ -73,7 +77,8 @@ SMALL void add_row(number *restrict y, number a, const number *restrict x, int f
             y[i + j] += a * x[i + j];
 }
 
-/* A = U^T U in place, upper triangle; false if a pivot is too small. `least` is workspace. */
+/* A = U^T D U in place: U above the diagonal, which is 1, and reciprocals of D on it; false if a pivot
+ * is too small. `least` is workspace. */
 FAST int factorize(number *A, int n, int wide, number *least)
 {
     for (int k = 0; k < n; k++)
@@ -82,47 +87,50 @@ FAST int factorize(number *A, int n, int wide, number *least)
         number *row = A + k * wide;
         if (!(row[k] > least[k]))
             return 0;
-        const number inverse = 1 / ROOT(row[k]);
-        for (int j = k; j < n; j++)
-            row[j] *= inverse;
+        const number inverse = 1 / row[k];
         for (int i = k + 1; i < n; i++)
             if (row[i] != 0)
-                add_row(A + i * wide, -row[i], row, i, wide);
+                add_row(A + i * wide, -row[i] * inverse, row, i, wide);
+        row[k] = inverse;
+        for (int j = k + 1; j < n; j++)
+            row[j] *= inverse;
     }
     return 1;
 }
 
-/* U^T z = b, in place. */
-FAST void solve_transposed(const number *U, number *b, int n, int wide)
-{
-    for (int k = 0; k < n; k++) {
-        b[k] /= U[k * wide + k];
-        for (int i = k + 1; i < n; i++)
-            b[i] -= U[k * wide + i] * b[k];
-    }
-}
-
-/* U^T z = b, in place, for many right sides in rows of `many` numbers, a multiple of WIDE. */
-FAST void solve_many(const number *U, number *b, int n, int wide, int many)
-{
-    for (int k = 0; k < n; k++) {
-        const number inverse = 1 / U[k * wide + k];
-        for (int j = 0; j < many; j++)
-            b[k * many + j] *= inverse;
-        for (int i = k + 1; i < n; i++)
-            if (U[k * wide + i] != 0)
-                add_row(b + i * many, -U[k * wide + i], b + k * many, 0, many);
-    }
-}
-
 /* U x = b, in place. */
-FAST void solve_upper(const number *U, number *b, int n, int wide)
+FAST void solve_upper(const number *restrict U, number *restrict b, int n, int wide)
 {
     for (int k = n - 1; k >= 0; k--) {
         number sum = b[k];
         for (int j = k + 1; j < n; j++)
             sum -= U[k * wide + j] * b[j];
-        b[k] = sum / U[k * wide + k];
+        b[k] = sum;
+    }
+}
+
+/* U^T D U x = b, in place. */
+FAST void solve_symmetric(const number *restrict U, number *restrict b, int n, int wide)
+{
+    for (int k = 0; k < n; k++)
+        for (int i = k + 1; i < n; i++)
+            b[i] -= U[k * wide + i] * b[k];
+    for (int k = 0; k < n; k++)
+        b[k] *= U[k * wide + k];
+    solve_upper(U, b, n, wide);
+}
+
+/* U^T D^(1/2) Z = b, in place, for many right sides in rows of `many` numbers, a multiple of WIDE. */
+FAST void solve_many(const number *U, number *b, int n, int wide, int many)
+{
+    for (int k = 0; k < n; k++)
+        for (int i = k + 1; i < n; i++)
+            if (U[k * wide + i] != 0)
+                add_row(b + i * many, -U[k * wide + i], b + k * many, 0, many);
+    for (int k = 0; k < n; k++) {
+        const number root = ROOT(U[k * wide + k]);
+        for (int j = 0; j < many; j++)
+            b[k * many + j] *= root;
     }
 }
 
@@ -147,8 +155,11 @@ FAST int solve_general(number *D, number *right, int n, int wide)
             right[largest] = kept;
         }
         const number inverse = 1 / D[k * wide + k];
+        for (int j = k; j < n; j++)
+            D[k * wide + j] *= inverse;
+        right[k] *= inverse;
         for (int i = k + 1; i < n; i++) {
-            const number factor = D[i * wide + k] * inverse;
+            const number factor = D[i * wide + k];
             if (factor != 0) {
                 add_row(D + i * wide, -factor, D + k * wide, k, wide);
                 right[i] -= factor * right[k];
@@ -215,13 +226,25 @@ FAST int newton_step(problem *p, number *x, number proximal)
         }
         p->dx[i] = -p->F[i];
     }
-    for (int i = 0; i < m; i++)
+    int fits = p->factors_for == proximal; /* the matrix is that of an earlier step */
+    for (int i = 0; i < m; i++) {
         k += p->inside[i] > 0;
+        fits &= p->inside[i] == p->factorized[i];
+        p->factorized[i] = p->inside[i];
+    }
     const int filled = FILLED(k);
     int at = 0;
     for (int i = 0; i < m; i++) {
         if (!p->inside[i])
             continue;
+        if (fits) {
+            number right = -p->F[i];
+            for (int j = 0; j < m; j++)
+                if (!p->inside[j])
+                    right -= p->A[i * wide + j] * p->dx[j];
+            p->right[at++] = right;
+            continue;
+        }
         number *row = p->row;
         memcpy(row, p->A + i * wide, wide * sizeof(number));
         row[i] += proximal;
@@ -252,14 +275,17 @@ FAST int newton_step(problem *p, number *x, number proximal)
             p->D[at * filled + column++] = 0;
         p->right[at++] = right;
     }
-    if (slides) {
+    if (slides) { /* the matrix depends on y */
+        p->factors_for = 0;
         if (!solve_general(p->D, p->right, k, filled))
             return 0;
     } else {
-        if (!factorize(p->D, k, filled, p->w))
+        if (!fits && !factorize(p->D, k, filled, p->w)) {
+            p->factors_for = 0;
             return 0;
-        solve_transposed(p->D, p->right, k, filled);
-        solve_upper(p->D, p->right, k, filled);
+        }
+        p->factors_for = proximal;
+        solve_symmetric(p->D, p->right, k, filled);
     }
     at = 0;
     for (int i = 0; i < m; i++) {
@@ -359,7 +385,7 @@ FAST number solve_rows(
 /* Lengths of the workspaces `work` and `flags` of `nonsmooth_step`. */
 #define WORKSPACE(n, m, motors) ((n) * FILLED(n) + 2 * FILLED(n) + (n) * FILLED(m) \
     + 2 * (m) * FILLED(m) + 16 * FILLED(m) + (motors))
-#define FLAGS(m) (4 * (m) + 1)
+#define FLAGS(m) (5 * (m) + 1)
 
 /* Rate of the row of impulse i for rates v of the coordinates. */
 SMALL number rate_of(const rows_of_robot *f, const number *entries, const number *v, int i)
@@ -391,6 +417,7 @@ FAST int nonsmooth_step(const rows_of_robot *f, const number *y, const number *q
     number *compliance = bias + most_rows, *bounds = compliance + most_rows;
     number *vectors = bounds + most_rows, *effort = vectors + 13 * most_rows;
     int *acting = flags, *index = flags + m, *kinds = flags + 2 * m, *inside = flags + 3 * m;
+    int *factorized = flags + 4 * m;
 
     /* the inertia, with damping and stiffness at the end of the step */
     memset(A, 0, n * wide * sizeof(number));
@@ -448,8 +475,7 @@ FAST int nonsmooth_step(const rows_of_robot *f, const number *y, const number *q
     }
     if (!factorize(A, n, wide, change))
         return 0;
-    solve_transposed(A, free, n, wide);
-    solve_upper(A, free, n, wide);
+    solve_symmetric(A, free, n, wide);
 
     for (int i = 0; i < c; i++) {
         const int at = 3 * i + 2;
@@ -553,12 +579,13 @@ FAST int nonsmooth_step(const rows_of_robot *f, const number *y, const number *q
         for (int a = 0; a < 9; a++)
             room[a] = now + (a + 1) * most_rows;
         problem p = {count, filled, G, u, most, kinds, room[0], room[1], room[2], room[3], D, room[4],
-            room[5], inside};
+            room[5], inside, factorized, 0};
         worst = solve_rows(&p, now, series, room[6], room[7], room[8]);
         for (int b = 0; b < n; b++) {
             change[b] = 0;
             for (int a = 0; a < count; a++)
                 change[b] += Z[b * filled + a] * now[a];
+            change[b] *= ROOT(A[b * wide + b]); /* Z = D^(-1/2) U^(-T) times the rows */
         }
         solve_upper(A, change, n, wide);
         for (int b = 0; b < n; b++)
