@@ -409,7 +409,7 @@ class WarpBatch:
         module = self.nonsmooth_module(loaded=external_wrenches is not None)
         # A step that continues another one may start with the violation which that one leaves.
         violation = FRESH if start is None else CONTINUED
-        arguments = [  # in the order of `warp_code._STEP`
+        arguments = [  # in the order of `warp_code._NONSMOOTH`
             arrays["q"],
             arrays["va"],
             arrays["tau"],

@@ -1,36 +1,59 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Kernels for NVIDIA Warp: Python modules whose native functions hold the C of `c_code`.
+"""Python modules of kernels for NVIDIA Warp, whose native functions hold the C of `c_code`.
 
-A thread computes one sample. The statements are those of the C. They are in a class, because C++
-allows no function inside a function.
+A module has two kernels. `prepare` computes p, an array of the parameters and the constants that
+depend on them alone. `run` computes the samples, one in each thread. The text of a native function
+stands inside a function of C++, where no other function can be defined. So all functions of the C
+are members of a class.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import BEND
 from . import c_code
+from .along_directions import Directions
 from .c_code import Style
 from .compiled_states import CHANGE, NEARBY
 from .kernels import WRENCHES, SymbolicKernel
 from .nonsmooth_c import StepSource
 from .symbolic_parameters import SIGN_WIDTH
 
-#: The longest first Newton step onto the closures, [rad] or robot lengths, and the largest ratio of
-#: a step to the one before.
-_NEAR, _SHRINKS = 0.1, 0.1
-#: Arguments of the kernels; arrays that a quantity does not need are None.
-_PREPARE = {"numbers": "rows", "width": "real", "p": "rows"}
-_RUN = dict.fromkeys(("q", "va", "last"), "rows") | {WRENCHES: "loads"}
-_RUN |= dict.fromkeys(("p", "out", "va_out"), "rows")
-_RUN |= {"h": "real", "steps": "int", "status": "flags"}
-#: Arguments of the kernel of nonsmooth steps.
-_STEP = {
+#: Newton's method onto the closures: the longest first step, [rad] or robot lengths, and the
+#: largest ratio of a step to the one before.
+_LONGEST_FIRST_STEP = 0.1
+_LARGEST_RATIO = 0.1
+
+# Arguments of the kernels and their types, in the order of the calls in `warp_batch`. Arrays that a
+# quantity does not need are None.
+_PREPARE = {
+    "numbers": "rows",  # the parameters
+    "width": "real",  # of the sign of dry friction; negative: as in the parameters
+    "p": "rows",  # the result
+}
+#: Arguments from which samples take the inputs of the generated kernel, in its order.
+_SAMPLES = {
+    "q": "rows",
+    "va": "rows",
+    "last": "rows",  # aa or tau
+}
+_RUN = _SAMPLES | {
+    WRENCHES: "loads",
+    "p": "rows",
+    "out": "rows",  # for steps q
+    "va_out": "rows",
+    "h": "real",  # length of a step, [s]
+    "steps": "int",
+    "status": "flags",
+}
+#: Arguments of `run` for nonsmooth steps.
+_NONSMOOTH = {
     "q": "rows",
     "va": "rows",
     "tau": "rows",
     WRENCHES: "loads",
-    "p": "rows",  # parameters and constants of the generated kernels
+    "p": "rows",
     "numbers": "rows",  # of contacts, ropes, cables, stops, friction and gains
     "held": "rows",  # positions of the motors
     "start": "rows",  # impulses where the solver starts
@@ -49,9 +72,8 @@ _STEP = {
     "violation": "real",  # at the start, relative to that with which a motion may start
     "status": "flags",
 }
-#: Files that stand before the kernels, and those that stand after them.
-_HELPERS = ("real.h", "warp.h")
-_SOLVER = ("ways.h", "nonsmooth_solver.h", "nonsmooth_move.h")
+
+#: The start of a module; `size` is the number of rows of p.
 _HEAD = '''\
 """Kernels of sst_pin for Warp."""
 import sys
@@ -75,105 +97,151 @@ def {name}({arguments}):
 
 
 def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
-    """A Python module of Warp's kernels `prepare` and `run`, and `size`, the rows of p.
+    """The text of a module that evaluates a generated kernel or makes smooth steps.
 
     Args:
-        kernels: The kernel, for steps the one of closing before it.
-        entry: "run", "along", "close" or "step".
+        kernels: The kernel. For steps: "closing", then the kernel of the rates of a state.
+        entry: Template of `run`: "run"; "along" for derivatives; "close" for "closing"; "step".
         style: Numbers of its precision.
     """
-    return _module(kernels, style, _RUN, entry, (), _blanks(kernels, style))
+    kernel = kernels[-1]
+    functions = _generated_functions(kernels, style)
+    blanks = _blanks_of_inputs(kernel) | {
+        "name": kernel.name,
+        "room": functions.room,
+        "outputs": kernel.output.numel(),
+        "checks": kernel.checks.numel(),
+    }
+    if kernel.along is not None:
+        blanks |= _blanks_of_directions(kernel.along)
+        blanks["room_of_passes"] = functions.room_of_passes
+    if entry in ("close", "step"):
+        blanks |= _blanks_of_closing(kernels[0], style)
+    run = _kernel("run", _RUN, functions, [c_code.filled(f"entries/warp_{entry}.h", blanks)], style)
+    return _module(kernels, functions, run, style)
 
 
 def nonsmooth_module(source: StepSource, style: Style) -> str:
-    """As `module`, of nonsmooth steps."""
-    closing, terms, _ = source.kernels
-    blanks = _blanks([closing, terms], style) | source.blanks
-    blanks["constants"] = _constants(source.kernels)
-    return _module(source.kernels, style, _STEP, "nonsmooth", _SOLVER, blanks)
+    """The text of a module that makes nonsmooth steps."""
+    _, terms, _ = source.kernels
+    functions = _generated_functions(source.kernels, style)
+    blanks = _blanks_of_inputs(terms) | source.blanks | {"room": functions.room}
+    code = [
+        *map(c_code.part, ("ways.h", "nonsmooth_solver.h", "nonsmooth_move.h")),
+        c_code.filled("entries/warp_nonsmooth.h", blanks),
+    ]
+    run = _kernel("run", _NONSMOOTH, functions, code, style)
+    return _module(source.kernels, functions, run, style)
 
 
-def _module(
-    kernels: Sequence[SymbolicKernel],
-    style: Style,
-    arguments_of_run: Mapping[str, str],
-    entry: str,
-    files: Sequence[str],
-    blanks: dict[str, object],
-) -> str:
-    """The text of a module; `run` is in the template of `entry`, with `files` before it."""
-    size = None
-    room = 0
-    of_passes = 0
+class _Functions(NamedTuple):
+    """The C functions of some generated kernels."""
+
+    texts: list[str]
+    #: Size of p: the parameters, then the constants of each kernel.
+    size: int
+    #: Size of an array y that is large enough for each kernel.
+    room: int
+    #: Size of an array y that is large enough for each pass of the last kernel.
+    room_of_passes: int
+
+
+def _generated_functions(kernels: Sequence[SymbolicKernel], style: Style) -> _Functions:
+    """The C functions of kernels that share p."""
+    size = None  # of p, to which each kernel adds its constants
+    rooms = []
     texts = list[str]()
     for kernel in kernels:
         source = c_code.body(kernel, size, style.suffix, recompute=True)
         size = source.size
-        room = max(room, source.room)
-        of_passes = source.room_of_passes
+        rooms.append(source.room)
         texts += [source.text, *source.functions]
-    blanks = blanks | {"room": room, "room_of_passes": of_passes}
-    parts = [_HEAD.format(dtype=style.dtype, size=size)]
-    functions = (
-        ("prepare", _PREPARE, "prepare", ()),
-        ("run", arguments_of_run, entry, files),
+    return _Functions(texts, source.size, max(rooms), source.room_of_passes)
+
+
+def _module(
+    kernels: Sequence[SymbolicKernel], functions: _Functions, run: str, style: Style
+) -> str:
+    """The text of a module with this kernel `run`."""
+    constants = "\n    ".join(f"{kernel.name}_constants(own);" for kernel in kernels)
+    blanks = {
+        "parameters": kernels[-1].parameters.numel(),
+        "sign_width": SIGN_WIDTH,
+        "constants": constants,
+    }
+    code = [c_code.filled("entries/warp_prepare.h", blanks)]
+    prepare = _kernel("prepare", _PREPARE, functions, code, style)
+    head = _HEAD.format(dtype=style.dtype, size=functions.size)
+    return head + prepare + run
+
+
+def _kernel(
+    name: str,
+    arguments: Mapping[str, str],
+    functions: _Functions,
+    code: Sequence[str],
+    style: Style,
+) -> str:
+    """The text of a kernel. `code` follows the generated functions and defines the C `run`."""
+    names = ", ".join(arguments)
+    body = [
+        f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
+        f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
+        *map(c_code.part, ("real.h", "warp.h")),
+        *functions.texts,
+        *code,
+        f"}};\nkernel::run(i, {names});",
+    ]
+    return _KERNEL.format(
+        body="\n".join(body),
+        name=name,
+        arguments=", ".join(f"{argument}: {kind}" for argument, kind in arguments.items()),
+        names=names,
     )
-    for name, arguments, file, needed in functions:
-        names = ", ".join(arguments)
-        body = [
-            f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
-            f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
-            *map(c_code.part, _HELPERS),
-            *texts,
-            *map(c_code.part, needed),
-            c_code.filled(f"entries/warp_{file}.h", blanks),
-            f"}};\nkernel::run(i, {names});",
-        ]
-        typed = ", ".join(f"{x}: {kind}" for x, kind in arguments.items())
-        values = {"body": "\n".join(body), "name": name, "arguments": typed, "names": names}
-        parts.append(_KERNEL.format(**values))
-    return "".join(parts)
 
 
-def _constants(kernels: Sequence[SymbolicKernel]) -> str:
-    """Calls that compute what depends on the parameters alone."""
-    return "\n    ".join(f"{kernel.name}_constants(own);" for kernel in kernels)
+# --- blanks of the templates ------------------------------------------------------------------
 
 
-def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object]:
-    """Texts for the blanks of the templates."""
-    first, last = kernels[0], kernels[-1]
-    at = 0
+def _blanks_of_inputs(kernel: SymbolicKernel) -> dict[str, object]:
+    """Blanks of x, the inputs of a kernel one after the other."""
+    sizes = {name: symbols.numel() for name, symbols in kernel.inputs.items()}
+    loads = sizes.pop(WRENCHES, None)  # the last input, if there are any
     takes = []
-    for array, (name, symbols) in zip(_RUN, last.inputs.items(), strict=False):
-        if name == WRENCHES:
-            takes.append(f"take_wrenches(x + {at}, {name}, i, {symbols.numel()});")
-        else:
-            takes.append(f"take(x + {at}, {array}, i, {symbols.numel()});")
-        at += symbols.numel()
-    along: dict[str, object] = {}
-    if last.along is not None:
-        sizes = ((len(x.coordinates), len(x.places), x.checks.numel()) for x in last.along.passes)
-        calls = (f"PASS({k}, {', '.join(map(str, size))})" for k, size in enumerate(sizes))
-        along = c_code.blanks_of_directions(last.along) | {"passes": "\n    ".join(calls)}
-    return along | {
-        "name": last.name,
-        "close": first.name,
-        "takes": "\n    ".join(takes),
-        "q": last.inputs["q"].numel(),
-        "inputs": at,
-        "outputs": last.output.numel(),
-        "checks": last.checks.numel(),
-        "close_checks": first.checks.numel(),
-        "units": ", ".join(map(repr, last.units)),
+    start = 0
+    for array, size in zip(_SAMPLES, sizes.values(), strict=False):  # "closing" takes q only
+        takes.append(f"take(x + {start}, {array}, i, {size});")
+        start += size
+    if loads is not None:
+        takes.append(f"take_wrenches(x + {start}, {WRENCHES}, i, {loads});")
+        start += loads
+    return {"takes": "\n    ".join(takes), "q": sizes["q"], "inputs": start}
+
+
+def _blanks_of_directions(along: Directions) -> dict[str, object]:
+    """Blanks of "along", a kernel of derivatives in some passes."""
+    calls = []
+    for k, part in enumerate(along.passes):
+        sizes = f"{len(part.coordinates)}, {len(part.places)}, {part.checks.numel()}"
+        calls.append(f"PASS({k}, {sizes})")
+    return c_code.blanks_of_directions(along) | {"passes": "\n    ".join(calls)}
+
+
+def _blanks_of_closing(closing: SymbolicKernel, style: Style) -> dict[str, object]:
+    """Blanks of "close" and "step", which call the kernel "closing"."""
+    newton: dict[str, object] = {
+        "close": closing.name,
+        "close_checks": closing.checks.numel(),
+        "units": ", ".join(map(repr, closing.units)),
+        "longest_first_step": _LONGEST_FIRST_STEP,
+        "largest_ratio": _LARGEST_RATIO,
+    }
+    # The criteria of a sound step; see `CompiledStateSpace`.
+    step: dict[str, object] = {
         "bend": BEND,
+        "tolerance": 2 * style.closed,
         "travel": TRAVEL,
         "nearby": NEARBY * TRAVEL,
         "change": f"N({CHANGE})",
-        "near": _NEAR,
-        "shrinks": _SHRINKS,
-        "tolerance": 2 * style.closed,
-        "open": last.parameters.numel(),
-        "sign_width": SIGN_WIDTH,
-        "constants": _constants(kernels),
     }
+    return newton | step

@@ -8,7 +8,7 @@ RUN
     int bad = judge_numbers(x, nq, nq);
 #pragma unroll 1
     for (int step = 0; step < 6 && length > LAST_STEP && !bad; step++) {
-        const real most = step == 0 ? ${near} : ${shrinks} * length + LAST_STEP;
+        const real most = step == 0 ? ${longest_first_step} : ${largest_ratio} * length + LAST_STEP;
         ${name}(x, column(p, i), y);
         length = longest(x, y, units, nq);
         bad = length <= most ? 0 : OPEN;
