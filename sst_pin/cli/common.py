@@ -106,9 +106,10 @@ def output_name(path: Path, ending: str) -> Path:
 
 def write(files: Mapping[Path, Writer], arguments: argparse.Namespace) -> None:
     """Write files; the name `-` means standard output."""
-    write_files({p: w for p, w in files.items() if str(p) != "-"}, arguments.force)
+    on_disk = {path: writer for path, writer in files.items() if str(path) != "-"}
+    write_files(on_disk, arguments.force)
     for path, writer in files.items():
-        if str(path) == "-":
+        if path not in on_disk:
             writer(sys.stdout.buffer)
 
 

@@ -80,7 +80,8 @@ def describe(arguments: argparse.Namespace) -> None:
     output = arguments.output
     if output.suffix.lower() in (".xml", ".mjcf"):
         options = {name for name, value in vars(arguments).items() if value is not None}
-        if options - _COMMON:  # those that change an SST
+        changes_sst = bool(options - _COMMON)
+        if changes_sst:
             robot = SST(_changed(common.sst_of(arguments).parameters, arguments))
         write_mjcf(robot, output, arguments.force)
         print(f"{robot.mechanism.model.name or 'robot'} with closed loops -> {output}")

@@ -87,11 +87,10 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     Its mimic joints are closures too. Without closures it is an open tree.
     """
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
-    kinds = dict(cuts.joints)
     notes = list[Problem]()
 
     # The tree, before joints are locked.
-    model = urdf.tree(kinds)
+    model = urdf.tree(cuts.kinds)
     model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
     _require_dependent(model, cuts, source)
 
@@ -102,7 +101,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         loops = _add_loops(model, cuts, urdf.loop_elements)
 
     # Numbers of joints.
-    notes += lost_limits(urdf.root, kinds, _joints_with_limits(cuts))
+    notes += lost_limits(urdf.root, cuts.kinds, _joints_with_limits(cuts))
     with naming(source):
         numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed)
         put_numbers(model, numbers)

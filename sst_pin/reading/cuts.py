@@ -37,23 +37,34 @@ class Cuts(NamedTuple):
     """Content of the YAML file beside a URDF."""
 
     actuated: tuple[Motor, ...] = ()
-    closures: tuple[Constraint, ...] = ()  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
+    #: Without any, the closures are those that the URDF marks.
+    closures: tuple[Constraint, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    hinges: tuple[CutJoint, ...] = ()  #: Of a `loop_closures.yaml`: by points and axes, not frames.
+    #: Hinges of a `loop_closures.yaml`, which has points and axes in place of frames.
+    hinges: tuple[CutJoint, ...] = ()
     lines: tuple[LineForce, ...] = ()
     contacts: tuple[Contact | Rope, ...] = ()
-    joints: tuple[tuple[str, str], ...] = ()  #: Kinds that URDF lacks, such as balls, by joints.
+    #: Kinds of joints that URDF lacks, such as "BALL", by the names of the joints.
+    kinds: Mapping[str, str] = MappingProxyType({})
+    #: Friction, rotors, limits and springs of joints.
     numbers: JointNumbers = MappingProxyType({})
+    #: Joints that are fixed at zero.
     locked: tuple[str, ...] = ()
-    brakes: tuple[str, ...] = ()  #: Joints and lines that are held where they are.
-    dependent: tuple[str, ...] = ()  #: Joints that closures determine; their `<mimic>` is ignored.
-    gravity: Array | None = None  #: In base axes, [m/s^2]; None: the URDF's.
-    source: str = ""  #: The YAML, for messages; empty without one.
+    #: Joints and lines that are held where they are.
+    brakes: tuple[str, ...] = ()
+    #: Joints whose position the closures determine, so that their `<mimic>` is ignored.
+    dependent: tuple[str, ...] = ()
+    #: In base axes, shape (3,), [m/s^2]; None: the gravity of the URDF.
+    gravity: Array | None = None
+    #: The YAML, for messages; empty without one.
+    source: str = ""
 
     @property
     def fixed(self) -> set[str]:
-        """Joints that do not move."""
-        return {*self.locked, *(name for name, kind in self.joints if kind == "FIXED")}
+        """Joints that do not move: those that are locked, and those of the kind "FIXED"."""
+        fixed = set(self.locked)
+        fixed.update(name for name, kind in self.kinds.items() if kind == "FIXED")
+        return fixed
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
@@ -121,7 +132,7 @@ def _laas_cuts(content: YamlContent) -> Cuts:
         couplings=tuple(content.table("coupling", _coupling).values()),
         lines=tuple(content.entries("line_force", _line)),
         contacts=tuple(content.entries("contacts", _contact)),
-        joints=tuple(zip(joint_names, joint_types, strict=False)),
+        kinds=dict(zip(joint_names, joint_types, strict=False)),
         numbers=_joint_numbers(content),
         locked=tuple(content.entries("locked", name_in)),
         brakes=tuple(content.entries("brakes", name_in)),

@@ -9,7 +9,7 @@ link without mass, and the link is fixed to the helper. So each link keeps its f
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,6 +69,18 @@ class _Step(NamedTuple):
     axis: Axis
 
 
+class _TreeJoint(NamedTuple):
+    """A joint in the tree, whose parent is nearer to the world."""
+
+    parent: str
+    child: str
+    #: The pose of the joint's frame on the parent and on the child, at position zero.
+    on_parent: pin.SE3
+    on_child: pin.SE3
+    #: The joints of a URDF that replace it, in series from parent to child.
+    steps: list[_Step]
+
+
 class JointGraph:
     """A URDF of links and joints, without the links: `add_link` adds them, `add_frame` frames.
 
@@ -91,7 +103,7 @@ class JointGraph:
         self._in_tree = [WORLD]  # links, in the order in which the tree grows
         self._names = {WORLD, *poses, *(joint.name for joint in joints)}
         ET.SubElement(self.urdf, "link", name=WORLD)
-        remaining = list(joints)
+        remaining = list(joints)  # that are not in the tree
         for link in poses:
             while link not in self._in_tree:
                 joint = self._next_joint(remaining)
@@ -118,61 +130,48 @@ class JointGraph:
         name = "floating_base" if len(self._in_tree) == 1 else f"{link}_floats"
         return GraphJoint(name, "floating", WORLD, link, pose, pin.SE3.Identity())
 
-    def _add_to_tree(self, joint: GraphJoint) -> None:
-        """Add a joint of the tree.
-
-        If the child is in the tree before the parent, the joint is reversed: parent and child
-        change places, axes change their order and sign. So the positions stay the same.
-        """
-        steps = _steps(joint)
-        if joint.child in self._in_tree:
-            parent = joint.child
-            child = joint.parent
-            on_parent = joint.on_child
-            on_child = joint.on_parent
-            steps = steps[::-1]
-            sign = -1
-        else:
-            parent = joint.parent
-            child = joint.child
-            on_parent = joint.on_parent
-            on_child = joint.on_child
-            sign = 1
-        self._in_tree.append(child)
-        if joint.kind == "ball":
-            self.balls.append(joint.name)
+    def _add_to_tree(self, graph_joint: GraphJoint) -> None:
+        """Add a joint of the tree; it is reversed if its child is in the tree already."""
+        joint = _tree_joint(graph_joint, is_reversed=graph_joint.child in self._in_tree)
+        self._in_tree.append(joint.child)
+        is_ball = graph_joint.kind == "ball"
+        if is_ball:
+            self.balls.append(graph_joint.name)
 
         # In a URDF the frame of a link is at its joint. If it is elsewhere in the file, the last
         # step moves a helper, to which the link is fixed.
-        needs_helper = not on_child.isIdentity(_ROUNDING)
-        step_parent = parent
-        pose = on_parent
-        for step in steps:
-            if step is not steps[-1]:
-                step_child = self._helper(f"{joint.name}_cross")
+        needs_helper = not joint.on_child.isIdentity(_ROUNDING)
+        parent = joint.parent
+        pose = joint.on_parent
+        for number, step in enumerate(joint.steps, start=1):
+            is_last = number == len(joint.steps)
+            if not is_last:
+                child = self._add_helper(f"{graph_joint.name}_cross")
             elif needs_helper:
-                step_child = self._helper(f"{child}_at_{joint.name}")
+                child = self._add_helper(f"{joint.child}_at_{graph_joint.name}")
             else:
-                step_child = child
-            element = self._joint(step.name, step.kind, (step_parent, step_child), pose)
+                child = joint.child
+            element = self._add_joint(step.name, step.kind, parent, child, pose)
             if step.kind != "floating":
-                ET.SubElement(element, "axis", xyz=text_of(sign * step.axis.direction))
+                ET.SubElement(element, "axis", xyz=text_of(step.axis.direction))
             if step.kind not in ("fixed", "floating"):
-                _add_numbers(element, step.axis, may_be_continuous=joint.kind != "ball")
+                _add_numbers(element, step.axis, may_be_continuous=not is_ball)
             self._add_spring(step)
-            step_parent = step_child
+            parent = child
             pose = pin.SE3.Identity()  # all steps have the frame of the joint
         if needs_helper:
-            name = self._new_name(f"{child}_fixed")
-            self._joint(name, "fixed", (step_parent, child), on_child.inverse())
+            name = self._new_name(f"{joint.child}_fixed")
+            self._add_joint(name, "fixed", parent, joint.child, joint.on_child.inverse())
 
-    def _joint(self, name: str, kind: str, links: tuple[str, str], place: pin.SE3) -> ET.Element:
-        """Add a joint between parent and child, with its frame at a place on the parent."""
+    def _add_joint(
+        self, name: str, kind: str, parent: str, child: str, place: pin.SE3
+    ) -> ET.Element:
+        """Add a joint between two links, with its frame at a place on the parent."""
         if kind == "ball":  # `balls` says which these are
             kind = "revolute"
         element = ET.SubElement(self.urdf, "joint", name=name, type=kind)
-        ET.SubElement(element, "parent", link=links[0])
-        ET.SubElement(element, "child", link=links[1])
+        ET.SubElement(element, "parent", link=parent)
+        ET.SubElement(element, "child", link=child)
         ET.SubElement(element, "origin", origin_of(place))
         return element
 
@@ -192,7 +191,7 @@ class JointGraph:
         self._names.add(name)
         return name
 
-    def _helper(self, name: str) -> str:
+    def _add_helper(self, name: str) -> str:
         """Add a link without mass; returns its unique name."""
         name = self._new_name(name)
         self.helpers.append(name)
@@ -243,11 +242,27 @@ class JointGraph:
         """Add a frame that is fixed to a link, as a link without mass."""
         self.helpers.append(name)
         ET.SubElement(self.urdf, "link", name=name)
-        self._joint(self._new_name(f"{name}_fixed"), "fixed", (link, name), place)
+        self._add_joint(self._new_name(f"{name}_fixed"), "fixed", link, name, place)
+
+
+def _tree_joint(joint: GraphJoint, *, is_reversed: bool) -> _TreeJoint:
+    """A joint as it is in the tree.
+
+    If it is reversed, parent and child change places, axes change their order and sign. So the
+    positions stay the same.
+    """
+    steps = _steps(joint)
+    if not is_reversed:
+        return _TreeJoint(joint.parent, joint.child, joint.on_parent, joint.on_child, steps)
+    reversed_steps = list[_Step]()
+    for step in steps[::-1]:
+        axis = replace(step.axis, direction=-step.axis.direction)
+        reversed_steps.append(_Step(step.name, step.kind, axis))
+    return _TreeJoint(joint.child, joint.parent, joint.on_child, joint.on_parent, reversed_steps)
 
 
 def _steps(joint: GraphJoint) -> list[_Step]:
-    """The joints of a URDF that replace a joint, in series from parent to child.
+    """The joints of a URDF that replace a joint, in series from its parent to its child.
 
     A universal joint becomes two hinges, a screw a hinge and a slide that follows it.
     """

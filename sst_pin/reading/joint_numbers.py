@@ -57,6 +57,7 @@ def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
     stiffness = np.zeros(model.nv)
     _fill(stiffness, model, numbers.get("stiffness", {}))
     reference = pin.neutral(model)
+    # Zero is the neutral position. A ball has no single position, but can have this number.
     positions = {name: x for name, x in numbers.get("reference", {}).items() if x}
     if positions:
         reference = with_positions(JointSpace(model), reference, positions)

@@ -61,7 +61,11 @@ _SHAPES = {
 _MESH = 7
 
 
-def mjcf_shapes(mj: Any, bodies: Sequence[tuple[int, pin.SE3]], _: pin.Model) -> pin.GeometryModel:
+def mjcf_shapes(
+    mj: Any,
+    bodies: Sequence[tuple[int, pin.SE3]],
+    model: pin.Model,  # `RobotFile.shapes` passes it
+) -> pin.GeometryModel:
     """Geoms of an MJCF in the groups that MuJoCo's viewer shows, for the tree as it was read.
 
     `bodies` has for each body the joint that carries it and its placement there.
