@@ -103,7 +103,7 @@ def _is_within_one_body(compiled: Compiled, tree: MjcfTree, tendon: int) -> bool
     if line_problem(compiled, tendon):
         return False
     sites = compiled.mj.wrap_objid[compiled.wraps(tendon)]
-    joints = {tree.bodies[compiled.mj.site_bodyid[site]][0] for site in sites}
+    joints = {tree.bodies[compiled.mj.site_bodyid[site]].joint for site in sites}
     return len(joints) == 1
 
 

@@ -72,7 +72,7 @@ def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
     First those that the file lists, then those whose masks `contype` and `conaffinity` match.
     """
     mj = compiled.mj
-    joints = [tree.bodies[body][0] for body in mj.geom_bodyid]
+    joints = [tree.bodies[body].joint for body in mj.geom_bodyid]
     for k in range(mj.npair):
         a = int(mj.pair_geom1[k])
         b = int(mj.pair_geom2[k])
@@ -178,7 +178,7 @@ def contact_note(compiled: Compiled, tree: MjcfTree) -> str:
     mj = compiled.mj
     if compiled.disabled("contact"):
         return ""
-    moving = np.array([tree.bodies[body][0] > 0 for body in mj.geom_bodyid], dtype=bool)
+    moving = np.array([tree.bodies[body].joint > 0 for body in mj.geom_bodyid], dtype=bool)
     can_touch = (mj.geom_contype | mj.geom_conaffinity)[moving].any()
     special = list[str]()
     # Not every MuJoCo has these fields.

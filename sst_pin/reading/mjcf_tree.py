@@ -27,8 +27,8 @@ from .mjcf_compiled import BALL, FREE, HINGE, Compiled, pose_of
 class _JointKind(NamedTuple):
     """What a joint of MuJoCo is in Pinocchio."""
 
-    #: The joint, unless some of its rates are locked or it is split.
-    model: Any
+    #: The model of the joint, unless some of its rates are locked or it is split.
+    joint_model: Any
     #: Indices of its coordinates in `qpos`, in Pinocchio's order.
     addresses: list[int]
     #: The placement of its body on the parent at `qpos0`; for a free joint where its pose begins.
@@ -50,12 +50,19 @@ class _JointInTree(NamedTuple):
     series: Series
 
 
+class BodyInTree(NamedTuple):
+    """Where a body of MuJoCo is in the tree."""
+
+    joint: int  #: The joint that moves it; 0 for the base.
+    placement: pin.SE3  #: The body's placement on this joint.
+
+
 class MjcfTree:
     """The tree, with frames at sites and bodies.
 
     Attributes:
         model: The Pinocchio model.
-        bodies: For each body of MuJoCo the joint that moves it, and its placement on this joint.
+        bodies: Where each body of MuJoCo is in the tree.
         dofs: For each rate of the model, its degree of freedom in MuJoCo; without the rates of
             tendons, which come last and have none.
         tendons: Indices of the fixed tendons that have a joint.
@@ -71,7 +78,7 @@ class MjcfTree:
         else:
             compensated = compiled.gravcomp or 0.0  # the same share of all weights
             self.model.gravity.linear = mj.opt.gravity * (1 - compensated)
-        self.bodies = [(0, pin.SE3.Identity())]
+        self.bodies = [BodyInTree(0, pin.SE3.Identity())]
         self.dofs = list[int]()
         self.tendons = list[int]()
         self._joints = list[_JointInTree]()
@@ -116,7 +123,7 @@ class MjcfTree:
         for joint in range(first, first + mj.body_jntnum[body]):
             if not self._compiled.is_locked(joint):
                 parent, placement = self._add_joint(joint, parent, placement)
-        self.bodies.append((parent, placement))
+        self.bodies.append(BodyInTree(parent, placement))
         # MuJoCo has principal moments in axes at the mass centre.
         center = mj.body_ipos[body]
         R = pose_of(center, mj.body_iquat[body]).rotation
@@ -131,9 +138,9 @@ class MjcfTree:
         kind = self._joint_kind(joint, placement)
         locked = self._compiled.locked_rates(joint)
         if locked or kind.is_split:
-            series: Series = PartlyLocked(kind.model, dict.fromkeys(locked, 0.0))
+            series: Series = PartlyLocked(kind.joint_model, dict.fromkeys(locked, 0.0))
         else:
-            series = Series.whole(kind.model)
+            series = Series.whole(kind.joint_model)
         # The joint turns about its anchor on the body. Its parts follow each other; the body stands
         # behind the last one.
         mj = self._compiled.mj
@@ -178,7 +185,7 @@ class MjcfTree:
             reference = pin.XYZQUATToSE3(mj.qpos0[addresses])
             placement = reference
         return _JointKind(
-            model=pin.JointModelFreeFlyer(),
+            joint_model=pin.JointModelFreeFlyer(),
             addresses=addresses,
             placement=placement,
             reference=reference,
