@@ -10,7 +10,8 @@ function nonsmooth(elements, rise) {
   const SWEEPS = 10, STEPS = 20, WARM_STEPS = 6, SERIES = 12, REFINED = 3;
   const PROXIMAL = [1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2];
   const LEAST_PIVOT = 1e-12;
-  const { contacts, ropes, cables, stops, dry, damping, stiffness } = elements;
+  const HELD_BY_LOOPS = 1e-10; // as in thresholds.py
+  const { contacts, ropes, cables, stops, dry, damping, stiffness, gap_scale } = elements;
   const firstRope = 3 * contacts.length, firstCable = firstRope + ropes.length;
   const firstStop = firstCable + cables.length, firstDry = firstStop + stops.length, m = firstDry + dry.length;
   const kinds = Array.from({ length: m }, (_, i) => {
@@ -180,13 +181,14 @@ function nonsmooth(elements, rise) {
       lengths: y.slice(places.lengths, places.lengths + cables.length),
       J: layout.impulse_row.map((row, i) => rows[row].map((x) => layout.impulse_sign[i] * x)),
       implicit: layout.implicit_row.map((row) => rows[row]),
+      scale: layout.coordinate_scale,
     };
   }
 
   // Rates of the coordinates after a step of length h, impulses x and their residual; null if the
   // inertia is not positive definite. `efforts` are those of the motors at the start of the step,
   // `gains` their stiffness and damping, `limits` those of the stops, `start` impulses near x.
-  function step({ M, forces, gaps, lengths, J, implicit }, { q, va, efforts, gains, limits, h, start }) {
+  function step({ M, forces, gaps, lengths, J, implicit, scale }, { q, va, efforts, gains, limits, h, start }) {
     // Inertia and momentum, with damping and stiffness at the end of the step.
     const motors = efforts.length, first = implicit.length - motors;
     const soft = [...damping, ...gains.damping], hard = [...stiffness, ...gains.stiffness];
@@ -226,6 +228,13 @@ function nonsmooth(elements, rise) {
     dry.forEach((force, k) => {
       bounds[firstDry + k] = h * force;
       acting[firstDry + k] = force > 0 ? 1 : -1;
+    });
+
+    // Contacts, ropes and stops that the loops hold never act: what they have on the coordinates is rounding.
+    const gapRows = [...contacts.map((_, k) => 3 * k + 2), ...ropes.map((_, k) => firstRope + k), ...stops.map((_, k) => firstStop + k)];
+    gapRows.forEach((i, k) => {
+      if (J[i].some((x, a) => Math.abs(x) * scale[a] > HELD_BY_LOOPS * gap_scale[k])) return;
+      acting[i] = -1;
     });
 
     // Rows that act, until the others are not violated.

@@ -68,6 +68,10 @@ def step_source(
         "joint_rate": _listed([*(stop.rate for stop in rows.stops), *rows.dry_rates.tolist()]),
         "dry_lines": len(rows.dry_lines),
     }
+    scales = {
+        "coordinate_scale": _listed(mechanism.rate_scale[mechanism.coordinates].tolist()),
+        "gap_scale": _listed(rows.gap_scale.tolist()),
+    }
     # Members of `bounds_of_step` in nonsmooth_move.h.
     of_bounds: dict[str, object] = {
         "units": ", ".join(map(repr, close.units)),
@@ -86,7 +90,7 @@ def step_source(
         "rates": mechanism.model.nv,
         "inputs": sum(inputs),
     }
-    blanks = of_rows | of_bounds | sizes
+    blanks = of_rows | scales | of_bounds | sizes
     blanks["tables"] = filled("entries/nonsmooth_tables.h", blanks).rstrip()
     return StepSource((close, terms, advance(equations)), blanks)
 
@@ -120,6 +124,6 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     return ["\n".join(parts)]
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _listed(numbers: Sequence[float]) -> str:
     """Numbers of an array of C, which must not be empty."""
     return ", ".join(map(str, numbers)) or "0"

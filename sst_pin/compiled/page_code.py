@@ -166,7 +166,8 @@ def page_code(equations: Sequence[Equations]) -> str:
         if has_contacts:
             terms = NonsmoothTerms(e, _rows(e.mechanism))
             kernels_of_set.append(replace(terms.kernel(Checks(e)), name="terms"))
-            layout = json.dumps(asdict(terms.layout))
+            scale = e.mechanism.rate_scale[e.mechanism.coordinates].tolist()
+            layout = json.dumps(asdict(terms.layout) | {"coordinate_scale": scale})
         functions = _functions(kernels_of_set, f"f{i}")
         definitions.append(functions.definitions)
         sets.append(
@@ -222,6 +223,7 @@ def _elements(e: Equations) -> dict[str, Any]:
         ],
         "stops": [{"position": x.position, "side": x.side, "limit": x.limit} for x in rows.stops],
         "dry": rows.dry_friction.tolist(),
+        "gap_scale": rows.gap_scale.tolist(),
         "damping": list(map(float, damping)),
         "stiffness": list(map(float, stiffness)),
     }

@@ -201,16 +201,27 @@ class NonsmoothRows:
         return np.array([x.restitution for x in self.mechanism.contacts.points])
 
     @cached_property
+    def of_gaps(self) -> Indices:
+        """The rows of gaps: normal rows of contacts, ropes, stops, in this order."""
+        row = np.arange(self.count)
+        return np.concatenate([row[self.normals], row[self.parts.ropes], row[self.parts.stops]])
+
+    @cached_property
+    def gap_scale(self) -> Array:
+        """Scale of each gap, in the order of `of_gaps`: gap / gap_scale is free of units."""
+        mechanism = self.mechanism
+        of_lengths = len(mechanism.contacts.points) + len(mechanism.contacts.ropes)
+        scale = [mechanism.length] * of_lengths
+        scale += [float(mechanism.rate_scale[stop.rate]) for stop in self.stops]
+        return np.array(scale)
+
+    @cached_property
     def least_gaps(self) -> Array:
-        """The least gaps of contacts, ropes and stops that a motion can start with, in this order.
+        """The least gaps that a motion can start with, in the order of `of_gaps`.
 
         They are negative, in the unit of the gap: metres, or radians for stops of rotations.
         """
-        mechanism = self.mechanism
-        of_lengths = len(mechanism.contacts.points) + len(mechanism.contacts.ropes)
-        units = [mechanism.length] * of_lengths
-        units += [float(mechanism.rate_scale[stop.rate]) for stop in self.stops]
-        return -_VIOLATED * np.array(units)
+        return -_VIOLATED * self.gap_scale
 
     def stop_gaps(self, q: Array) -> Array:
         """How far each stop is away, shape (stops,)."""

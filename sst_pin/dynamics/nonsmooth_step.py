@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Array, Flags
+from ..arrays import Array, Flags, Indices
 from ..loops.loops import Loops
 from ..model.closures import Distance
-from ..model.thresholds import LEAST_LENGTH
+from ..model.thresholds import HELD_BY_LOOPS, LEAST_LENGTH
 from ..model.tree import frame_id
 from .dynamics import Context
 from .impulses import Rows, impulses
@@ -301,6 +301,7 @@ class NonsmoothStep:
             ]
         )
         J = J_tree @ begin.L
+        J[self._held_by_loops(J)] = 0.0
 
         # The rate w of a row is J va plus the bias. With the bias gap / h, the gap after the step
         # is h w, which is not negative. The slack of a rope is a gap.
@@ -317,6 +318,13 @@ class NonsmoothStep:
         biases[parts.cables] = np.where(cables.constant, 0.0, -cables.tensions / soft)
         compliance[parts.cables] = np.where(cables.constant, 0.0, 1 / (h * soft))
         return Rows(J, biases, compliance, rows.kinds, rows.bounds(h))
+
+    def _held_by_loops(self, J: Array) -> Indices:
+        """Rows of gaps that cannot change: what they have on the coordinates is rounding."""
+        rows = self._rows
+        scale = self._mechanism.rate_scale[self._mechanism.coordinates]
+        largest = np.abs(J[rows.of_gaps] * scale).max(axis=1, initial=0.0)
+        return rows.of_gaps[largest <= HELD_BY_LOOPS * rows.gap_scale]
 
     def _approach(self, gaps: Array, J: Array, va: Array, free: Array, h: float) -> Array:
         """Biases of the normal rows: gap / h, or after an impact restitution times the rate."""

@@ -37,6 +37,9 @@ WITHOUT_MASS = 1e-20
 UNIQUE = 1e-5
 #: Lines that are shorter than this part of the robot's length have no direction.
 LEAST_LENGTH = 1e-9
+#: A contact, rope or stop whose rate is smaller than this part of the coordinates' rates, free of
+#: units, is held by the loops: its rate is rounding, which is at most 1e-12.
+HELD_BY_LOOPS = 1e-10
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
 #: Coordinates are kept, or used again, while the condition number of the dependent joints is below

@@ -9,7 +9,7 @@ import pytest
 import sst_pin
 from sst_pin import Contact, LineForce, Rope, robots
 from tests.gallery.on_feet import biped
-from tests.gallery.touching import block_on_slope, frame
+from tests.gallery.touching import block_on_slope, flat_bar, frame
 from tests.support.biped_in_mujoco import mujoco_biped, start_of
 
 
@@ -120,6 +120,17 @@ def test_kernels_of_one_motion_step_with_a_load_as_the_reference_path_does():
             for chain in (slow, fast)
         )
         _same(a, b, 1e-11)
+
+
+@pytest.mark.slow
+def test_kernels_leave_a_contact_to_the_loops_that_hold_it():
+    slow, tau = flat_bar(touches=True), np.zeros((9, 40, 1))
+    a, b = (
+        chain.rollout(tau, slow.home, [1.0], 1e-3, nonsmooth=True)
+        for chain in (slow, _compiled(slow))
+    )
+    _same(a, b, 1e-11)
+    assert not b.contact_forces.any()
 
 
 @pytest.mark.slow

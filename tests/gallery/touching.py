@@ -66,3 +66,21 @@ def ladder(length: float, friction: float) -> sst_pin.ClosedChain:
     frame(model, "wall", "universe", (0, 0, 0), pin.utils.rotate("y", -np.pi / 2))  # z is -x
     contacts = [Contact("foot", friction=friction), Contact("top", ground="wall")]
     return sst_pin.ClosedChain(model, [], [], coordinates=PLANAR, contacts=contacts)
+
+
+def flat_bar(*, touches: bool) -> sst_pin.ClosedChain:
+    """A four-bar in a tilted plane, and a point of its coupler on a wall parallel to this plane."""
+    bar = sst_pin.robots.four_bar()
+    tilt = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0.7, -0.4), np.zeros(3))
+    model = pin.Model()
+    base = model.addFrame(pin.Frame("base", 0, tilt, pin.FrameType.OP_FRAME))
+    model = pin.appendModel(model, bar.model, base, pin.SE3.Identity())
+    model.referenceConfigurations["home"] = bar.home
+    frame(model, "tip", "coupler", (0.1, 0.02, 0.03))
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, bar.home)
+    axis = pin.SE3(pin.utils.rotate("x", -np.pi / 2), np.zeros(3))  # its z is y, that of the bar
+    at_tip = pin.SE3(tilt.rotation, data.oMf[model.getFrameId("tip")].translation) * axis
+    model.addFrame(pin.Frame("wall", 0, at_tip, pin.FrameType.OP_FRAME))
+    contacts = [Contact("tip", friction=0.5, ground="wall")] if touches else []
+    return sst_pin.ClosedChain(model, bar.closures, ["crank"], contacts=contacts)

@@ -9,7 +9,16 @@ import pytest
 
 import sst_pin
 from sst_pin import Contact, LineForce, Rope, robots
-from tests.gallery.touching import PLANAR, G, block_on_slope, frame, ladder, planar, tree
+from tests.gallery.touching import (
+    PLANAR,
+    G,
+    block_on_slope,
+    flat_bar,
+    frame,
+    ladder,
+    planar,
+    tree,
+)
 
 
 def _free(chain, q0, va0, dt, steps, **options):
@@ -128,6 +137,15 @@ def test_bodies_that_collide_keep_their_momentum():
     momentum = motion.va @ masses
     assert np.abs(momentum - momentum[0]).max() < 1e-13
     assert motion.va[-1, 1] - motion.va[-1, 0] == pytest.approx(0.4 * 3.0, rel=1e-12)
+
+
+def test_a_contact_that_the_loops_hold_changes_nothing():
+    """The rate of its gap is rounding, on which an impulse of 1e20 N s would act."""
+    touches = flat_bar(touches=True)
+    motion = _free(touches, touches.home, [1.0], 1e-3, 40)
+    alone = _free(flat_bar(touches=False), touches.home, [1.0], 1e-3, 40)
+    assert not motion.contact_forces.any()
+    assert np.array_equal(motion.va, alone.va)
 
 
 def test_energy_does_not_grow_while_a_block_tumbles_to_rest():

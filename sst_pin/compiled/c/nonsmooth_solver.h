@@ -22,12 +22,14 @@
 #define SOLVED 1e-5f
 #define ROUNDING 1e-6f
 #define LEAST_PIVOT 1e-7f
+#define HELD_BY_LOOPS 1e-5f
 #else
 #define SIZE(x) fabs(x)
 #define ROOT(x) sqrt(x)
 #define SOLVED 1e-9
 #define ROUNDING 1e-11
 #define LEAST_PIVOT 1e-12
+#define HELD_BY_LOOPS 1e-10 /* as in thresholds.py */
 #endif
 #define IS_FINITE(x) ((x) * 0 == 0)
 
@@ -49,6 +51,7 @@ typedef struct {
     int n, q, load, motors, m, contacts, ropes, cables, stops, dry, implicit;
     int at_inertia, at_forces, at_gaps, at_lengths, at_positions, at_entries, outputs, checks;
     const int *row_start, *row_column, *impulse_row, *impulse_sign, *implicit_row, *stop_position;
+    const number *coordinate_scale, *gap_scale; /* make coordinates, and gaps, free of units */
 } rows_of_robot;
 
 /* A problem x = P(x - w), w = A x + u, with the diagonal of A at most 1. */
@@ -397,6 +400,16 @@ SMALL number rate_of(const rows_of_robot *f, const number *entries, const number
     return f->impulse_sign[i] * sum;
 }
 
+/* Whether the row of impulse i can change its gap, number g: whether it is more than rounding. */
+SMALL int can_move(const rows_of_robot *f, const number *entries, int i, int g)
+{
+    const int row = f->impulse_row[i];
+    for (int a = f->row_start[row]; a < f->row_start[row + 1]; a++)
+        if (SIZE(entries[a]) * f->coordinate_scale[f->row_column[a]] > HELD_BY_LOOPS * f->gap_scale[g])
+            return 1;
+    return 0;
+}
+
 /* One step: rates `va` become those at its end, `x` the impulses, from those of the step before.
  * y are the terms at q, `series` bounds the iterations. False if the inertia is not positive definite or a number is not finite. */
 FAST int nonsmooth_step(const rows_of_robot *f, const number *y, const number *q, number *va,
@@ -498,6 +511,17 @@ FAST int nonsmooth_step(const rows_of_robot *f, const number *y, const number *q
         bounds[at] = h * coulomb[i];
         acting[at] = bounds[at] > 0 ? 1 : -1;
     }
+
+    /* contacts, ropes and stops that the loops hold never act */
+    for (int i = 0; i < c; i++)
+        if (!can_move(f, entries, 3 * i + 2, i))
+            acting[3 * i] = acting[3 * i + 1] = acting[3 * i + 2] = -1;
+    for (int i = 0; i < f->ropes; i++)
+        if (!can_move(f, entries, 3 * c + i, c + i))
+            acting[3 * c + i] = -1;
+    for (int i = 0; i < f->stops; i++)
+        if (!can_move(f, entries, first_stop + i, gaps + i))
+            acting[first_stop + i] = -1;
 
     /* rows that act, until the others are not violated */
     const number *rates = free;
