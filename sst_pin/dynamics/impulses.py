@@ -9,10 +9,11 @@ rates + bias + compliance x are the rates of the rows. Row by row,
     contact  rows (SIDE, SIDE, NORMAL): the normal row as a stop; the impulse s in the plane has
              |s| <= friction x_n; w_s = 0, or s = -friction x_n w_s / |w_s|   (Coulomb's cone)
 
-All of it is x = P(x - w), with the projection P of Alart and Curnier [2]. Projected Gauss-Seidel
-sweeps [3] come near the solution, and Newton's method on x - P(x - w) finishes. Redundant contacts,
-as four corners of a sole, make J M^-1 J^T singular; a proximal term in Newton's matrix leaves the
-solution as it is. [4] compares such methods.
+All of it is x = P(x - w), with the projection P of Alart and Curnier [2]: P clips the impulses to
+their bounds and cones. Projected Gauss-Seidel sweeps [3] come near the solution, and Newton's
+method on x - P(x - w) finishes. Redundant contacts, as four corners of a sole, make J M^-1 J^T
+singular; a proximal term in Newton's matrix leaves the solution as it is. [4] compares such
+methods.
 
 [1] M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999).
 [2] P. Alart, A. Curnier, A mixed formulation for frictional contact problems prone to Newton like
@@ -29,8 +30,11 @@ import numpy as np
 
 from ..arrays import Array, Flags, Indices
 
-#: Kinds of rows.
-STOP, DRY, SIDE, NORMAL = range(4)
+# Kinds of rows.
+STOP = 0
+DRY = 1
+SIDE = 2
+NORMAL = 3
 #: Largest error of x = P(x - w) in a solution, relative to the largest impulse. Both are in the
 #: units of the square root of an energy: rows are divided by the square root of their diagonal
 #: entries of J M^-1 J^T.
@@ -38,8 +42,12 @@ SOLVED = 1e-9
 #: Newton's method goes on to this error. Its last step squares the error, so that most solutions
 #: are exact to rounding.
 _ROUNDING = 1e-11
-#: Sweeps before a series of Newton's steps, the most steps in a series, the most series.
-_SWEEPS, _STEPS, _SERIES = 10, 20, 30
+#: Sweeps before a series of Newton's steps.
+_SWEEPS = 10
+#: The most steps in a series.
+_STEPS = 20
+#: The most series.
+_SERIES = 30
 #: A solution that is not exact to rounding is improved in this number of series.
 _REFINED = 3
 #: Impulses larger than this multiple of the rates count as this multiple in the error: where no
@@ -93,22 +101,25 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
     Y = np.linalg.solve(inertia, rows.J.T)  # M^-1 J^T
     normals = np.flatnonzero(rows.kinds == NORMAL)
     one_sided = (rows.kinds == STOP) | (rows.kinds == NORMAL)
-    moves = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance > 0  # others cannot be changed
-    moves[normals - 1] = moves[normals - 2] = moves[normals]
+    is_dry = (rows.kinds == DRY) & (rows.bounds > 0)
+    # Impulses of the other rows change no rate.
+    moves = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance > 0
+    moves[normals - 1] = moves[normals]  # the sides of a contact
+    moves[normals - 2] = moves[normals]
+
     acting = np.zeros(len(start), dtype=bool)
     x = np.zeros(len(start))
     rates = free
     residual = 0.0
-    violated = (rows.kinds == DRY) & (rows.bounds > 0)
     while True:
         w = rows.J @ rates + rows.bias
-        violated |= one_sided & (w < 0)
-        violated[normals - 1] |= violated[normals]
-        violated[normals - 2] |= violated[normals]
-        violated &= ~acting & moves
-        if not violated.any():
+        needed = is_dry | (one_sided & (w < 0))
+        needed[normals - 1] |= needed[normals]
+        needed[normals - 2] |= needed[normals]
+        added = needed & ~acting & moves
+        if not added.any():
             return Impulses(rates, x, residual)
-        acting |= violated
+        acting |= added
         x = np.zeros(len(start))
         residual = np.inf
         if np.isfinite(w).all():
@@ -121,8 +132,10 @@ def _solved(rows: Rows, Y: Array, free: Array, start: Array, acting: Flags) -> t
     J = rows.J[acting]
     A = J @ Y[:, acting] + np.diag(rows.compliance[acting])
     u = J @ free + rows.bias[acting]
-    sizes = np.diag(A).copy()
     kinds = rows.kinds[acting]
+    # Rows are divided by the roots of their diagonal entries. The three rows of a contact have the
+    # same divisor, so that the cone of friction stays round.
+    sizes = np.diag(A).copy()
     normals = np.flatnonzero(kinds == NORMAL)
     of_contacts = normals[:, None] - [0, 1, 2]
     sizes[of_contacts] = sizes[of_contacts].max(axis=1, keepdims=True)
@@ -147,19 +160,19 @@ class _Problem:
     def solution(self, start: Array) -> tuple[Array, float]:
         """The solution near a start, and its residual.
 
-        Every third series of Newton's steps starts from the sweeps alone, which go on; the others
-        from the best impulses. Neither is best for all problems.
+        Every third series of Newton's steps starts from the result of sweeps without Newton's
+        steps, which more sweeps continue each time. The others start from the best impulses so far.
+        Neither is best for all problems.
         """
         swept = start
         best = start
         least = np.inf
         for series in range(_SERIES):
-            alone = series % 3 == 0
-            x = swept if alone else best
-            for _ in range(_SWEEPS * (1 + series) if alone else _SWEEPS):
-                x = self._swept(x)
-            if alone:
-                swept = x
+            if series % 3 == 0:
+                swept = self._after_sweeps(swept, _SWEEPS * (1 + series))
+                x = swept
+            else:
+                x = self._after_sweeps(best, _SWEEPS)
             near, error = self._newton(x, _PROXIMAL[series % len(_PROXIMAL)])
             if error < least:
                 best = near
@@ -174,20 +187,21 @@ class _Problem:
         least = np.inf
         largest = _LARGEST * float(np.abs(self._u).max())
         for _ in range(_STEPS):
-            y = x - self._A @ x - self._u
+            y = x - self._A @ x - self._u  # x - w
             F = x - self._projected(y)
             error = float(np.abs(F).max())
             size = float(min(np.abs(x).max(), largest))
             if error:
                 error = error / size if size else np.inf
             if not error < least and least < SOLVED:
-                break
+                break  # a solution that does not become better
             if error < least:
                 best = x
                 least = error
             if least < _ROUNDING:
                 break
-            # d(x - P(y)) = dx - dP dy, dy = dx - A dx
+            # With S = dP/dy and dy = dx - A dx, d(x - P(y)) = (1 - S + S A) dx; the proximal term
+            # is added.
             slopes = self._slopes(y)
             dF = np.eye(len(x)) - slopes + slopes @ self._A + proximal * slopes
             try:
@@ -202,34 +216,45 @@ class _Problem:
         """P(y)."""
         clipped = np.clip(y, -self._bounds, self._bounds)
         x = np.where(self._kinds == STOP, np.maximum(y, 0.0), clipped)
+        # Contacts: both sides together are shortened to the radius of the cone.
         normal = np.maximum(y[self._normals], 0.0)
         sides = self._normals[:, None] - [1, 2]
         sizes = np.linalg.norm(y[sides], axis=1)
-        largest = self._friction * normal
-        over = sizes > largest
-        factors = np.where(over, largest / np.where(over, sizes, 1.0), 1.0)
-        x[sides], x[self._normals] = y[sides] * factors[:, None], normal
+        radius = self._friction * normal
+        outside = sizes > radius
+        factors = np.where(outside, radius / np.where(outside, sizes, 1.0), 1.0)
+        x[self._normals] = normal
+        x[sides] = y[sides] * factors[:, None]
         return x
 
     def _slopes(self, y: Array) -> Array:
         """Derivatives of P by y, shape (m, m)."""
         inside = np.where(self._kinds == STOP, y > 0, np.abs(y) <= self._bounds)
-        slopes = np.diag(np.where(inside & (self._kinds <= DRY), 1.0, 0.0))
+        of_contact = (self._kinds == SIDE) | (self._kinds == NORMAL)
+        slopes = np.diag(np.where(inside & ~of_contact, 1.0, 0.0))
         for k, friction in zip(self._normals, self._friction, strict=True):
-            at = slice(k - 2, k)
-            size = float(np.linalg.norm(y[at]))
-            largest = friction * y[k]
-            if y[k] > 0:
-                slopes[k, k] = 1.0
-                slopes[at, at] = np.eye(2)
-                if size > largest:
-                    way = y[at] / size
-                    slopes[at, at] = largest / size * (np.eye(2) - np.outer(way, way))
-                    slopes[at, k] = friction * way
+            if not y[k] > 0:
+                continue
+            slopes[k, k] = 1.0
+            sides = slice(k - 2, k)
+            size = float(np.linalg.norm(y[sides]))
+            radius = friction * y[k]
+            if size > radius:  # P is radius times the direction of the sides
+                direction = y[sides] / size
+                slopes[sides, sides] = radius / size * (np.eye(2) - np.outer(direction, direction))
+                slopes[sides, k] = friction * direction
+            else:
+                slopes[sides, sides] = np.eye(2)
         return slopes
 
+    def _after_sweeps(self, x: Array, count: int) -> Array:
+        """Impulses after a number of sweeps of projected Gauss-Seidel."""
+        for _ in range(count):
+            x = self._swept(x)
+        return x
+
     def _swept(self, x: Array) -> Array:
-        """One sweep of projected Gauss-Seidel; the sides of a contact follow its normal row."""
+        """Impulses after one sweep; the sides of a contact follow its normal row."""
         x = x.copy()
         A = self._A
         for i in np.flatnonzero(self._kinds != SIDE):
@@ -239,10 +264,13 @@ class _Problem:
                 continue
             x[i] = max(x[i], 0.0)
             if self._kinds[i] == NORMAL:
-                at = slice(i - 2, i)
-                largest = self._bounds[i] * x[i]
+                sides = slice(i - 2, i)
+                # One divisor for both sides, not less than the eigenvalues of their block of A.
                 trace = A[i - 1, i - 1] + A[i - 2, i - 2]
-                side = x[at] - (A[at] @ x + self._u[at]) / trace if trace > 0 else np.zeros(2)
-                size = np.linalg.norm(side)
-                x[at] = side if size <= largest else side * (largest / size)
+                in_plane = np.zeros(2)
+                if trace > 0:
+                    in_plane = x[sides] - (A[sides] @ x + self._u[sides]) / trace
+                size = np.linalg.norm(in_plane)
+                radius = self._bounds[i] * x[i]
+                x[sides] = in_plane if size <= radius else in_plane * (radius / size)
         return x

@@ -32,7 +32,8 @@ from .noc import mass_centers
 _RESISTED = 1e-9
 #: Axes may differ from orthonormal ones by this much: numbers with six digits are fine.
 _RIGHT_ANGLES = 1e-5
-#: Bits of the components that are not unique, in the code of a joint or closure.
+_COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+#: The code of a joint or closure is the sum of the bits of its components that are not unique.
 BITS = 2.0 ** np.arange(6)
 
 
@@ -128,9 +129,6 @@ class Reactions(Summary):
         return "Reactions [force; moment]", rows
 
 
-_COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
-
-
 def names_of(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of the joints of the tree, then of the closures; those of the same frames numbered."""
     closures = list(map(str, mechanism.closures))
@@ -143,9 +141,11 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 def size_of(mechanism: Mechanism) -> int:
     """How many numbers `reactions` gives for a sample."""
-    wrenches = mechanism.model.njoints - 1 + len(mechanism.closures)
-    codes = wrenches
-    return 6 * wrenches + 6 + mechanism.motor_count + codes
+    count = mechanism.model.njoints - 1 + len(mechanism.closures)
+    wrenches = 6 * count
+    ground = 6
+    codes = count
+    return wrenches + ground + mechanism.motor_count + codes
 
 
 class _RigidWrenches(NamedTuple):
@@ -178,10 +178,19 @@ def reactions(
 ) -> Array:
     """Wrenches of joints and closures, the ground's wrench, torques and codes, in a row.
 
-    `tau` is None where motor k drives coordinate k; `compliances` are those of the components,
-    shape (r + closures, 6), or None. `axes` are axes in the base in which wrenches are written, in
-    columns, shape (3, 3), or None. There is a code for each joint and closure: the sum of 2^k of
-    its components k that are not unique. Those that compliances do not determine are NaN.
+    There is a code for each joint and closure, see `BITS`. Components that compliances do not
+    determine are NaN.
+
+    Args:
+        context: The context.
+        q: Configuration, shape (nq,).
+        va: Rates of the coordinates, shape (n,).
+        aa: Accelerations of the coordinates, shape (n,).
+        tau: Motor torques, shape (motors,); None if motor k drives coordinate k.
+        wrenches: External wrenches at the mass centres, shape (r, 6), or None.
+        compliances: Compliances of the components, shape (r + closures, 6); None for a rigid robot.
+        axes: Axes in the base in which wrenches are written, in columns, shape (3, 3); None for
+            those of each joint and closure.
     """
     w = _rigid_wrenches(context, q, va, aa, tau, wrenches, compliances)
     values = w.values
@@ -249,7 +258,7 @@ def _rigid_wrenches(
     if tau is None:
         tau = needed.dot(context.complement.L)  # motor k drives coordinate k
         needed -= mechanism.actuation.dot(tau)
-    Lambda = _multipliers(context, needed)
+    multipliers, null_space = _multipliers(context, needed)
 
     # All loads on the bodies, at the world's origin. Lines act as closures of one row each: a
     # tension is minus its multiplier.
@@ -272,10 +281,10 @@ def _rigid_wrenches(
     on_ground = np.array([data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]])
     ground = on_ground.sum(axis=0) - loads[0]
 
-    # Less X lambda in column 0; the further columns are X N, the inner stresses.
-    columns = _wrenches(context, Lambda)
-    columns[: len(without_closures), :, 0] += without_closures
+    # The wrenches of lambda, and those of the inner stresses N.
+    columns = _wrenches(context, np.column_stack([multipliers, null_space]))
     values = columns[..., 0]
+    values[: len(without_closures)] += without_closures
     stresses = columns[..., 1:]
     free_stresses = stresses
     if compliances is not None:
@@ -283,8 +292,8 @@ def _rigid_wrenches(
     return _RigidWrenches(values, stresses, free_stresses, ground, tau)
 
 
-def _multipliers(context: Context, needed: Array) -> Array:
-    """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k).
+def _multipliers(context: Context, needed: Array) -> tuple[Array, Array]:
+    """The smallest lambda with Phi^T lambda = needed, shape (rows,), and N, shape (rows, k).
 
     With the units R of rows and D of rates, (R Phi D)^T x = D needed is free of units, and
     lambda = R x.
@@ -295,7 +304,7 @@ def _multipliers(context: Context, needed: Array) -> Array:
     U, s, Vt = np.linalg.svd(R[:, None] * context.loops.Phi * D)
     rank = mechanism.model.nv - len(mechanism.coordinates)
     smallest = U[:, :rank] @ ((Vt[:rank] @ (D * needed)) / s[:rank])
-    return R[:, None] * np.column_stack([smallest, U[:, rank:]])
+    return R * smallest, R[:, None] * U[:, rank:]
 
 
 def _loads(context: Context, wrenches: Array | None) -> Array:

@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 #: Numbers, or symbols, of a state.
 X = TypeVar("X", bound=Any)
 
-#: For each slope: the half of the step where it is taken, its weight, the step to the next one.
+#: For each of the four slopes: where it is taken (0: start, 1: middle, 2: end of the step), its
+#: weight in the result, and the part of the step from the start to the next stage.
 _SLOPES = ((0, 1 / 6, 1 / 2), (1, 1 / 3, 1 / 2), (1, 1 / 3, 1), (2, 1 / 6, 0))
 
 
