@@ -40,8 +40,18 @@ from .reference import Reference
 
 #: A parameter, a pattern of names, several that change together, or their factors.
 Parameter = str | Sequence[str] | Mapping[str, float]
-#: A label, the names that change together, and their factors.
-Group = tuple[str, dict[str, float]]
+
+
+class Group(NamedTuple):
+    """Design parameters that change together.
+
+    Attributes:
+        label: Their name, or names, as the caller has given them.
+        factors: For each of them, its change for a unit change of the group.
+    """
+
+    label: str
+    factors: dict[str, float]
 
 
 class FrameWrenches(NamedTuple):
@@ -103,7 +113,7 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
             for name in names:
                 factors[name] = factors.get(name, 0.0) + number
         label = " + ".join(map(str, patterns))
-        groups.append((label, factors))
+        groups.append(Group(label, factors))
     return groups
 
 
@@ -132,7 +142,8 @@ def changed(mechanism: Mechanism, changes: Mapping[str, float] | object) -> Chan
         )
         raise InputError("changes", problem)
     numbers = {name: float(single_array("changes", x, ())) for name, x in changes.items()}
-    ((_, total),) = groups_of(mechanism, [numbers])
+    (group,) = groups_of(mechanism, [numbers])
+    total = group.factors
     theta = regressor.parameters_of(mechanism)
     geometry = parameter_names(mechanism)
     of_geometry = {x: c for x, c in total.items() if x in geometry}
@@ -143,78 +154,117 @@ def changed(mechanism: Mechanism, changes: Mapping[str, float] | object) -> Chan
     )
 
 
+class _AddedJoints(NamedTuple):
+    """The joints that a mechanism gets for changes of its geometry; they are at rest.
+
+    A group of changes has a joint for each displacement and for each rod that changes its length.
+    The first one leads, and the others follow it in fixed proportions.
+
+    Attributes:
+        at_rest: The joints at places that are displaced.
+        rods: Names of the rods, by the names of the slides that change their lengths.
+        couplings: Of the joints that follow.
+        leaders: Names of the joints that lead, at most one for each group.
+        directions: Rates of the leaders, in rows, for a unit rate of each group, in columns.
+    """
+
+    at_rest: list[RestingJoint]
+    rods: dict[str, str]
+    couplings: list[Coupling]
+    leaders: list[str]
+    directions: Array
+
+
+def _added_joints(mechanism: Mechanism, groups: Sequence[Group]) -> _AddedJoints:
+    """The joints for all groups that change the geometry."""
+    geometry = parameter_names(mechanism)
+    at_rest: list[RestingJoint] = []
+    rods: dict[str, str] = {}
+    couplings: list[Coupling] = []
+    leaders: list[str] = []
+    directions: list[Array] = []
+    for k, group in enumerate(groups):
+        changes = {name: factor for name, factor in group.factors.items() if name in geometry}
+        # The rate of each joint at a unit rate of the group.
+        rates: dict[str, float] = {}
+        for joint in _joints_at_places(displacements(mechanism, changes), k):
+            at_rest.append(joint)
+            rates[joint.name] = float(np.linalg.norm(joint.direction))
+        for rod, change in extensions(mechanism.closures, changes).items():
+            if change:
+                rods[f"{rod} length{k}"] = rod
+                rates[f"{rod} length{k}"] = change
+        if not rates:
+            continue
+        leader, *followers = rates
+        leaders.append(leader)
+        directions.append(rates[leader] * np.eye(len(groups))[k])
+        for follower in followers:
+            ratio = rates[follower] / rates[leader]
+            couplings.append(Coupling(follower, {leader: (0.0, ratio)}))
+    matrix = np.array(directions).reshape(len(directions), len(groups))
+    return _AddedJoints(at_rest, rods, couplings, leaders, matrix)
+
+
+def _joints_at_places(moves: Mapping[str, Array], group: int) -> list[RestingJoint]:
+    """Joints at rest for the displacements of a group: a slide and a turn at each place."""
+    joints: list[RestingJoint] = []
+    for place, displacement in moves.items():
+        slide = np.concatenate([displacement[:3], np.zeros(3)])
+        turn = np.concatenate([np.zeros(3), displacement[3:]])
+        if slide.any():
+            joints.append(RestingJoint(f"{place} x{group}", place, slide))
+        if turn.any():
+            joints.append(RestingJoint(f"{place} r{group}", place, turn))
+    return joints
+
+
 class Design:
-    """A mechanism with a joint at rest for each change of its geometry; one object per thread."""
+    """A mechanism with joints at rest for changes of its geometry; one object per thread.
+
+    `small` is the robot, `large` the mechanism with the added joints. Its coordinates are those of
+    the robot, then the leaders of `_AddedJoints`.
+    """
 
     def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
         self._small = reference
         self._groups = groups
-        self.names = tuple(label for label, _ in groups)
+        self.names = tuple(group.label for group in groups)
         mechanism = reference.mechanism
-        geometry = parameter_names(mechanism)
         #: Changes of the dynamic parameters, a column for each group.
         self._theta = np.array(
             [
-                [factors.get(name, 0.0) for _, factors in groups]
+                [group.factors.get(name, 0.0) for group in groups]
                 for name in regressor.names_of(mechanism)
             ]
         )
-        joints_at_rest: list[RestingJoint] = []
-        rods_of_joints: dict[str, str] = {}
-        couplings: list[Coupling] = []
-        leaders: list[str] = []
-        directions: list[Array] = []
-        for k, (_, factors) in enumerate(groups):
-            changes = {name: factor for name, factor in factors.items() if name in geometry}
-            joints = _joints_of_group(displacements(mechanism, changes), k)
-            joints_at_rest += joints
-            #: The rate of each joint of the group at a unit rate of its parameter.
-            rates = {name: float(np.linalg.norm(direction)) for name, _, direction in joints}
-            for rod, change in extensions(mechanism.closures, changes).items():
-                if change:
-                    rods_of_joints[f"{rod} length{k}"] = rod
-                    rates[f"{rod} length{k}"] = change
-            if not rates:
-                continue
-            # The first joint of a group leads, the others follow it in fixed proportions.
-            leader, *followers = rates
-            leaders.append(leader)
-            directions.append(rates[leader] * np.eye(len(groups))[k])
-            for follower in followers:
-                ratio = rates[follower] / rates[leader]
-                couplings.append(Coupling(follower, {leader: (0.0, ratio)}))
-        #: Rates of the leaders, in rows, by a change of each group, in columns.
-        self._directions = np.array(directions).reshape(len(directions), len(groups))
-        self._large = Reference(self._enlarged(joints_at_rest, rods_of_joints, couplings, leaders))
+        added = _added_joints(mechanism, groups)
+        #: See `_AddedJoints`.
+        self._directions = added.directions
 
-    def _enlarged(
-        self,
-        joints_at_rest: list[RestingJoint],
-        rods_of_joints: dict[str, str],
-        couplings: list[Coupling],
-        leaders: list[str],
-    ) -> Mechanism:
-        """The mechanism with joints at rest, of which those that lead are coordinates too."""
-        mechanism = self._small.mechanism
+        # Where the robot's joints are in q, v and the bodies of the large mechanism.
         small = mechanism.model
-        large = enlarged(small, joints_at_rest, slides=rods_of_joints)
-        # Where the joints of the mechanism are in q, v and the bodies of the larger one.
+        large = enlarged(small, added.at_rest, slides=added.rods)
         ids = [large.getJointId(name) for name in list(small.names)[1:]]
         pairs = [(small.joints[i], large.joints[j]) for i, j in enumerate(ids, 1)]
         self._q = np.concatenate([j.idx_q + np.arange(i.nq) for i, j in pairs])
         self._v = np.concatenate([j.idx_v + np.arange(i.nv) for i, j in pairs])
         self._bodies = np.array(ids) - 1
         self._neutral = pin.neutral(large)
+        self._large = Reference(self._enlarged(large, added))
 
+    def _enlarged(self, large: pin.Model, added: _AddedJoints) -> Mechanism:
+        """The mechanism with the added joints; `large` is its tree."""
+        mechanism = self._small.mechanism
         friction = mechanism.friction
         springs = mechanism.springs
         zero_rates = np.zeros(large.nv)
         no_motors = np.zeros((large.nv, mechanism.motor_count))
-        leading = [large.joints[large.getJointId(name)].idx_v for name in leaders]
+        leading = [large.joints[large.getJointId(name)].idx_v for name in added.leaders]
         return replace(
             mechanism,
             model=large,
-            closures=(*extended(mechanism.closures, rods_of_joints), *couplings),
+            closures=(*extended(mechanism.closures, added.rods), *added.couplings),
             coordinates=np.array([*self._v[mechanism.coordinates], *leading], dtype=np.intp),
             actuation=_put(no_motors, self._v, mechanism.actuation),
             friction=Friction(
@@ -229,14 +279,14 @@ class Design:
             row_sizes=None,
         )
 
-    def at(self, q: Array) -> tuple[Array, Context]:
-        """The configuration of the large mechanism, and its loops and L there."""
+    def _at(self, q: Array) -> tuple[Array, Context]:
+        """The configuration x of the large mechanism, and its loops and L at x."""
         x = _put(self._neutral, self._q, q)
         context = self._large.context
         context.complement.evaluate(x)
         return x, context
 
-    def row(
+    def of_sample(
         self,
         q: Array,
         va: Array,
@@ -245,15 +295,18 @@ class Design:
         at_frames: FrameWrenches | None,
         frame: str | None,
         sign_width: float,
-    ) -> Array:
-        """Derivatives of q, torques, L and the pose of one sample, side by side."""
+    ) -> DesignDerivatives:
+        """The derivatives of one sample.
+
+        A derivative by a parameter is that along the leader of its group times `directions`.
+        """
         tau = self._small.torques(q, va, aa, wrenches)
         n = len(va)
         directions = self._directions
         try:
-            x, context = self.at(q)
+            x, context = self._at(q)
         except SingularConfigurationError:
-            names = listed([group[0] for group in self._groups if self._opens(group, q)])
+            names = listed([group.label for group in self._groups if self._opens(group, q)])
             cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
             raise InputError("names", f"changes of {names} alone open the loops; {cure}") from None
         # Columns of the large L: along the coordinates, then along each leader.
@@ -270,31 +323,48 @@ class Design:
             if lines.actuation.any():
                 by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ lines.actuation
 
-        # Derivatives of the forces along the leaders, and by the dynamic parameters.
+        by_torques = self._force_derivatives(q, x, va, aa, wrenches, at_frames, sign_width)
+        if not self._small.mechanism.driven_one_to_one:
+            by_A_of_names = np.tensordot(by_A, directions, (0, 0))
+            by_torques = _least(by_torques, L.T @ B, by_A_of_names, tau)
+        by_pose = np.zeros((0, len(self.names)))
+        if frame is not None:
+            index = frame_id(context.mechanism.model, frame)
+            by_pose = self._large.frame_jacobian(x, index)[:, n:] @ directions
+        return DesignDerivatives(
+            names=self.names,
+            q=leader_motions[self._v] @ directions,
+            torques=by_torques,
+            L=np.tensordot(by_L[:, self._v], directions, (0, 0)),
+            pose=by_pose,
+        )
+
+    def _force_derivatives(
+        self,
+        q: Array,
+        x: Array,
+        va: Array,
+        aa: Array,
+        wrenches: Array | None,
+        at_frames: FrameWrenches | None,
+        sign_width: float,
+    ) -> Array:
+        """Derivatives of the generalized forces, shape (n, names); x is the large configuration."""
+        n = len(va)
+        directions = self._directions
         if wrenches is not None:
-            no_wrenches = np.zeros((context.mechanism.model.njoints - 1, 6))
+            no_wrenches = np.zeros((self._large.mechanism.model.njoints - 1, 6))
             wrenches = _put(no_wrenches, self._bodies, wrenches)
         rest = np.zeros(len(directions))
         by_q_va_aa = self._large.torque_derivatives(
             x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
         )
-        by_f = by_q_va_aa[:n, n : n + len(directions)] @ directions
+        by_f = by_q_va_aa[:n, n : n + len(directions)] @ directions  # by q, of the leaders
         if at_frames is not None:
             by_f -= self._force_by_arms(x, at_frames) @ directions
         if self._theta.any():
             by_f += self._small.torque_regressor(q, va, aa) @ self._theta
-        if not self._small.mechanism.driven_one_to_one:
-            by_f = _least(by_f, L.T @ B, np.tensordot(by_A, directions, (0, 0)), tau)
-
-        parts = [
-            leader_motions[self._v] @ directions,
-            by_f,
-            np.tensordot(by_L[:, self._v], directions, (0, 0)),
-        ]
-        if frame is not None:
-            index = frame_id(context.mechanism.model, frame)
-            parts.append(self._large.frame_jacobian(x, index)[:, n:] @ directions)
-        return np.concatenate([part.ravel() for part in parts])
+        return np.asarray(by_f)
 
     def _force_by_arms(self, x: Array, at_frames: FrameWrenches) -> Array:
         """Derivative of J^T w along each leader, as the arms of wrenches at frames change.
@@ -306,7 +376,8 @@ class Design:
         n = L.shape[1] - len(self._directions)
         J_of_bodies = body_jacobians(context.loops) @ L
         force = np.zeros((n, len(self._directions)))
-        for name, body, wrench in zip(*at_frames, strict=True):
+        frames = zip(at_frames.frames, at_frames.bodies, at_frames.wrenches, strict=True)
+        for name, body, wrench in frames:
             row = 6 * self._bodies[body]
             J_of_centre = J_of_bodies[row : row + 3]
             J_of_turns = J_of_bodies[row + 3 : row + 6]
@@ -320,22 +391,10 @@ class Design:
     def _opens(self, group: Group, q: Array) -> bool:
         """Whether a change of this group alone opens the loops."""
         try:
-            Design(self._small, [group]).at(q)
+            Design(self._small, [group])._at(q)
         except SingularConfigurationError:
             return True
         return len(self._groups) == 1
-
-
-def _joints_of_group(moves: Mapping[str, Array], group: int) -> list[RestingJoint]:
-    """Joints at rest for the displacements of a group: a slide and a turn at each place."""
-    joints: list[RestingJoint] = []
-    for place, displacement in moves.items():
-        slide = np.concatenate([displacement[:3], np.zeros(3)])
-        turn = np.concatenate([np.zeros(3), displacement[3:]])
-        for kind, direction in (("x", slide), ("r", turn)):
-            if direction.any():
-                joints.append((f"{place} {kind}{group}", place, direction))
-    return joints
 
 
 def _put(array: Array, at: Array, values: Array) -> Array:
@@ -369,11 +428,13 @@ def design_derivatives(
         reference.designs.clear()  # one is enough for a loop
         reference.designs[key] = Design(reference, groups_of(mechanism, wanted))
     design = reference.designs[key]
-    nv, motors = mechanism.actuation.shape
     pose_size = 0
     if frame is not None:
         frame_id(mechanism.model, frame)  # refuses an unknown name
         pose_size = 6
+
+    # A function of one sample has one array as its result: all derivatives in a row.
+    nv, motors = mechanism.actuation.shape
     shapes = [(nv,), (motors,), (nv, len(mechanism.coordinates)), (pose_size,)]
     ends = np.cumsum([math.prod(shape) * len(wanted) for shape in shapes])
 
@@ -381,13 +442,14 @@ def design_derivatives(
         of_sample = None
         if at_frames is not None and of_frames is not None:
             of_sample = at_frames._replace(wrenches=of_frames)
-        return design.row(q, va, aa, wrenches, of_sample, frame, sign_width)
+        d = design.of_sample(q, va, aa, wrenches, of_sample, frame, sign_width)
+        return np.concatenate([d.q.ravel(), d.torques.ravel(), d.L.ravel(), d.pose.ravel()])
 
     samples = [*arrays, None if at_frames is None else at_frames.wrenches]
     rows = for_each_sample(row, samples, (1, 1, 1, 2, 2), (int(ends[-1]),))
-    batch = rows.shape[:-1]
     parts = np.split(rows, ends[:-1], axis=-1)
     q, torques, L, pose = (
-        part.reshape(*batch, *shape, len(wanted)) for part, shape in zip(parts, shapes, strict=True)
+        part.reshape(*rows.shape[:-1], *shape, len(wanted))
+        for part, shape in zip(parts, shapes, strict=True)
     )
-    return DesignDerivatives(design.names, q, torques, L, pose)
+    return DesignDerivatives(names=design.names, q=q, torques=torques, L=L, pose=pose)

@@ -46,7 +46,7 @@ class EnlargedRobot:
         rods_of_joints = dict[str, str]()
         for name in errors:
             for place, displacement in geometry.displacements(drawn.mechanism, {name: 1.0}).items():
-                joints.append((name, place, displacement))
+                joints.append(geometry.RestingJoint(name, place, displacement))
             for rod in geometry.extensions(drawn.closures, {name: 1.0}):
                 rods_of_joints[name] = rod
         model = geometry.enlarged(drawn.mechanism.model, joints, slides=rods_of_joints)

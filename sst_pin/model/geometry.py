@@ -12,7 +12,7 @@ A *rod* is a `Distance` closure, named by its frames: "a - b.length" is the para
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -31,8 +31,20 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 _SAME_POINT = 1e-9
 #: Displacements of places by their names.
 Displacements = dict[str, Array]
-#: A joint at rest: its name, its place, and a displacement, which is a slide or a turn.
-RestingJoint = tuple[str, str, Array]
+
+
+class RestingJoint(NamedTuple):
+    """A joint that stays at zero; its motion displaces a place.
+
+    Attributes:
+        name: Its name, which begins with the name of the place.
+        place: The place.
+        direction: Displacement of the place, shape (6,): a slide or a turn.
+    """
+
+    name: str
+    place: str
+    direction: Array
 
 
 def places_of(mechanism: Mechanism) -> list[str]:
@@ -211,8 +223,9 @@ def enlarged(
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
     # The joints at each place, by the ends of their names.
     joints: dict[str, dict[str, Any]] = defaultdict(dict)
-    for name, place, direction in joints_at_rest:
-        slide, turn = np.split(direction / np.linalg.norm(direction), 2)
+    for resting in joints_at_rest:
+        place = resting.place
+        slide, turn = np.split(resting.direction / np.linalg.norm(resting.direction), 2)
         if turn.any():
             joint = pin.JointModelRevoluteUnaligned(turn)
         else:
@@ -220,7 +233,7 @@ def enlarged(
             # the joint.
             _, placement = place_of(model, place)
             joint = pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
-        joints[place][name.removeprefix(place)] = joint
+        joints[place][resting.name.removeprefix(place)] = joint
     # Before a joint, the joints at rest are in series with it.
     changes = {
         j: Series([*Series.named(joints.pop(name)).parts, *Series.whole(model.joints[j]).parts])
