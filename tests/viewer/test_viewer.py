@@ -76,7 +76,8 @@ def test_show_serves_until_interrupted_and_leaves_no_orphan(options):
             assert urllib.request.urlopen(url).status == 200
             process.send_signal(signal.SIGINT)
             assert process.wait(timeout=20) == 0
-            assert process.stderr.read() == ""
+            told = process.stderr.read()  # on a slow machine also that the equations take a while
+            assert told in ("", "sst-pin: live page: writing its equations\n")
         finally:
             process.kill()
     with pytest.raises(ProcessLookupError):
