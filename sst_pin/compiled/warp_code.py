@@ -127,7 +127,7 @@ def nonsmooth_module(source: StepSource, style: Style) -> str:
     functions = _generated_functions(source.kernels, style)
     blanks = _blanks_of_inputs(terms) | source.blanks | {"room": functions.room}
     code = [
-        *map(c_code.part, ("ways.h", "nonsmooth_solver.h", "nonsmooth_move.h")),
+        *map(c_code.part, ("nonsmooth_solver.h", "nonsmooth_move.h")),
         c_code.filled("entries/warp_nonsmooth.h", blanks),
     ]
     run = _kernel("run", _NONSMOOTH, functions, code, style)
@@ -187,7 +187,7 @@ def _kernel(
     body = [
         f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
         f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
-        *map(c_code.part, ("real.h", "warp.h")),
+        *map(c_code.part, ("real.h", "ways.h", "warp.h")),
         *functions.texts,
         *code,
         f"}};\nkernel::run(i, {names});",

@@ -98,14 +98,3 @@ HELPER int judge(const real *x, int angles, int inputs, const real *y, int outpu
     const int bad = judge_checks(y + outputs, checks);
     return bad ? bad : judge_numbers(y, 0, outputs);
 }
-
-/* The longest way of an entry of q, without units. */
-HELPER real longest(const real *from, const real *to, const number *units, int q)
-{
-    real length = 0;
-    for (int j = 0; j < q; j++) {
-        const real way = ABSOLUTE(to[j] - from[j]) * units[j];
-        length = way <= length ? length : way; /* NaN stays */
-    }
-    return length;
-}

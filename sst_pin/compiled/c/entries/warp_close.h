@@ -10,7 +10,7 @@ RUN
     for (int step = 0; step < 6 && length > LAST_STEP && !bad; step++) {
         const real most = step == 0 ? ${longest_first_step} : ${largest_ratio} * length + LAST_STEP;
         ${name}(x, column(p, i), y);
-        length = longest(x, y, units, nq);
+        length = longest_way(nq, units, x, y);
         bad = length <= most ? 0 : OPEN;
         for (int j = 0; j < nq; j++)
             x[j] = y[j];

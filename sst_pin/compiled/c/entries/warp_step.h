@@ -37,13 +37,13 @@ RUN
             sound &= step > 1 || (ratio * ${change} > 1 && ratio < ${change});
             before = step == 0 ? y[nq] : before;
             det = y[nq];
-            const real length = longest(x, y, units, nq);
+            const real length = longest_way(nq, units, x, y);
             sound &= step > 0 || length < ${nearby};
             gap = step == 0 ? 1 : length;
             for (int j = 0; j < nq; j++)
                 x[j] = step == 0 ? sum[j] : y[j];
         }
-        const real way = longest(start, x, units, nq), opened = longest(sum, x, units, nq);
+        const real way = longest_way(nq, units, start, x), opened = longest_way(nq, units, sum, x);
         sound &= way <= ${travel} && opened <= ${bend} * way + ${tolerance};
         if (!bad)
             bad = judge_numbers(x, nq, states);
