@@ -68,7 +68,7 @@ def torques_short(e: Equations) -> ca.SX:
 
 def torques_with_L(e: Equations) -> ca.SX:
     """L^T RNEA with the columns of L, Eqs. (17), (91)."""
-    return e.project(e.tree_forces)
+    return e.projected_by_L(e.tree_forces)
 
 
 def torques_long(e: Equations) -> ca.SX:
@@ -79,7 +79,7 @@ def torques_long(e: Equations) -> ca.SX:
 def _bias(e: Equations) -> ca.SX:
     """The terms of Eq. (92) without the accelerations."""
     forces = add(e.tree.forces({}, {}), add(e.tree.friction(e.v), e.tree.springs(e.v)))
-    return e.coriolis @ e.va + e.project(forces)
+    return e.coriolis @ e.va + e.projected_by_L(forces)
 
 
 def torques_checked(e: Equations) -> ca.SX:
@@ -95,7 +95,7 @@ def accelerations_short(e: Equations) -> ca.SX:
 
 def accelerations_long(e: Equations) -> ca.SX:
     """Eq. (92) solved, every term by itself."""
-    return SymmetricFactors(e.inertia).solve(e.project(e.motor_forces(e.tau)) - _bias(e))
+    return SymmetricFactors(e.inertia).solve(e.projected_by_L(e.motor_forces(e.tau)) - _bias(e))
 
 
 def accelerations_multipliers(e: Equations) -> ca.SX:

@@ -170,7 +170,8 @@ def _torque_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
     n = len(e.L)
     width = 3 * n
-    tree = symbolic_derivatives.OnTree(e, e.aa, SX(*e.tau.shape))
+    no_torques = SX(*e.tau.shape)
+    tree = symbolic_derivatives.TreeDerivatives(e, e.aa, no_torques)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
         by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
@@ -195,7 +196,7 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     n = len(e.L)
     motors = e.tau.numel()
     width = 2 * n + motors
-    tree = symbolic_derivatives.OnTree(e, e.accelerations, e.tau)
+    tree = symbolic_derivatives.TreeDerivatives(e, e.accelerations, e.tau)
     factors = e.inertia_factors
 
     def forces_along(direction: SX) -> tuple[_Results, list[Any]]:
@@ -273,18 +274,18 @@ def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
         L = _joint_rates(e, direction)
-        L_dot, right = e.held(L, e.Phi_dot)
+        L_dot, right = e.rates_of_change(L, e.Phi_dot)
         inertial = e.tree.forces({}, L, loads=False, weight=False)
         coriolis = e.tree.coriolis_forces(e.v, L, L_dot)
         more = checks.unsolved(L, {}) + checks.unsolved(L_dot, right)
         more += checks.unbalanced(inertial) + checks.unbalanced(coriolis)
-        results = _in_column(e.reduced(inertial), n, 0)
-        results |= _in_column(e.reduced(coriolis), n, n * n)
+        results = _in_column(e.projected(inertial), n, 0)
+        results |= _in_column(e.projected(coriolis), n, n * n)
         return results, more
 
     gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v))
     friction = e.tree.friction(e.v)
-    terms = ca.vertcat(-e.reduced(gravity), -e.reduced(friction))
+    terms = ca.vertcat(-e.projected(gravity), -e.projected(friction))
     once_checks = checks.of_rates + checks.of_steady_motion
     once_checks += checks.unbalanced(gravity) + checks.unbalanced(friction)
     return _ByDirections(

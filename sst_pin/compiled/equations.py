@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The equations of motion of any closed chain on CasADi's symbols.
 
-The rows of a closure are in the axes of the last link that carries both branches of its loop, and
-contain only rates beyond this link. Phi_u, the columns of the dependent rates, is factorised once,
-for rates, accelerations and, transposed, forces, so that inverse dynamics forms no L. The geometry
-is fixed numbers; `SymbolicParameters` lists the numbers that stay symbols.
+The rates v of the tree are those of the coordinates, va, and the dependent ones, v_u. The closures
+are Phi v = 0, or Phi_u v_u = -Phi_a va with the columns of Phi for either. Phi_u is factorised
+once, for rates, accelerations and, transposed, forces. Forces tau along v are balanced along the
+dependent rates by the closures, with multipliers Lambda, and leave a force on each coordinate:
+
+    Phi_u^T Lambda = tau_u,   L^T tau = tau_a - Phi_a^T Lambda.
+
+So inverse dynamics forms no L. The rows of a closure are in the axes of the last link that carries
+both branches of its loop, and contain only rates beyond this link.
+
+The geometry is fixed numbers; `SymbolicParameters` lists the numbers that stay symbols. Vectors
+along the rates or the rows are sparse: entries by index, zeros left out (`symbols.Sparse`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,15 +42,16 @@ from .elimination import (
     triangular_blocks,
 )
 from .link_kinematics import Kinematics
-from .shared_links import coupled
+from .shared_links import FirstIndices, coupled
 from .symbolic_parameters import GRAVITY, SymbolicParameters
 from .symbols import Sparse, SymmetricFactors, add, column, is_zero, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
-#: Above this number of `_pairs_per_column` M L takes fewer operations column by column, with the
-#: mass matrix M of the tree.
+# Whether matrices of the tree or single columns take fewer operations depends on how many entries
+# of a matrix of the tree there are for each link and column of L: `Equations._pairs_per_column`.
+#: Above this number M L is computed column by column, with the mass matrix M of the tree.
 _MASS_BY_COLUMNS = 2.5
-#: The same for derivatives of the forces of the tree in place of M.
+#: Above this number derivatives of the forces of the tree are computed column by column.
 _DERIVATIVES_BY_COLUMNS = 1.5
 #: Articulated bodies can take fewer operations from this number of coordinates on.
 _ARTICULATED = 8
@@ -66,6 +75,13 @@ class Pivots(NamedTuple):
     norm: float
 
 
+class RatesOfChange(NamedTuple):
+    """How rates x with Phi x = 0 change as Phi changes: the solution of Phi change = right."""
+
+    change: Sparse
+    right: Sparse
+
+
 class _Part(NamedTuple):
     """A part of Phi_u, factorised. It shares no row and no rate with other parts."""
 
@@ -80,12 +96,24 @@ class _Part(NamedTuple):
 class Equations:
     """Symbols of one mechanism.
 
-    Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
-    wrenches act: `loads` are [force; moment] on each body at its mass centre, base axes. `smooth`
-    tells whether Coulomb friction is tanh(v / sign_width), for derivatives; kernels smooth the sign
-    by themselves. `welded` bodies are computed as one. If `displaced`, joints have small
-    displacements, and derivatives by them are those by q along the rates (`Kinematics`). p are the
-    symbolic parameters, in the order of `parameters`.
+    Args:
+        mechanism: The mechanism.
+        samples: Assembled configurations by which pivots are chosen, shape (samples, nq).
+        loaded: Whether external wrenches act.
+        smooth: Whether Coulomb friction is tanh(v / sign_width) in the symbols, for derivatives.
+            Otherwise it is the sign; kernels of C smooth it themselves.
+        welded: Whether bodies that closures weld together are computed as one.
+        parameters: The symbolic parameters, by default those of the mechanism.
+        displaced: Whether joints have small displacements. Derivatives by these are those by q
+            along the rates; see `Kinematics`.
+
+    Attributes:
+        p: Symbols of the `parameters`, in their order.
+        q, va, aa, tau: Symbols of the configuration, of rates and accelerations of the coordinates,
+            and of motor torques.
+        loads: Symbols of external wrenches, [force; moment] on each body at its mass centre, base
+            axes; empty if not `loaded`.
+        kinematics, tree: Motions of the links, and the dynamics of the tree without closures.
     """
 
     def __init__(
@@ -127,8 +155,14 @@ class Equations:
     @cached_property
     def displaced(self) -> "Equations":
         """Equations of the mechanism on other symbols, with displaced joints."""
-        arguments = self.mechanism, self._samples, self.loads.numel() > 0, self._smooth
-        return Equations(*arguments, parameters=self.parameters, displaced=True)
+        return Equations(
+            self.mechanism,
+            self._samples,
+            loaded=self.loads.numel() > 0,
+            smooth=self._smooth,
+            parameters=self.parameters,
+            displaced=True,
+        )
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -151,8 +185,10 @@ class Equations:
                 part = self._orthogonal_part(independent, columns)
             else:
                 # Auxiliary unknowns get indices of rows and columns that nothing has yet.
-                taken = len(entries)
-                first_auxiliary = len(self.rows) + taken, len(self._rates) + taken
+                used = len(entries)
+                first_auxiliary = FirstIndices(
+                    row=len(self.rows) + used, column=len(self._rates) + used
+                )
                 part = self._part_by_blocks(pattern, values, rows, columns, first_auxiliary)
             entries |= part.entries
             sequence += part.sequence
@@ -205,11 +241,11 @@ class Equations:
         values: Array,
         rows: Indices,
         columns: Indices,
-        first_auxiliary: tuple[int, int],
+        first_auxiliary: FirstIndices,
     ) -> _Part:
         """A part of Phi_u in which elimination chooses rows, block by block.
 
-        `first_auxiliary` are the row and the column of the first auxiliary unknown, if it gets any.
+        `first_auxiliary` are the indices of the first auxiliary unknown, if it gets any.
         """
         Phi = [row.Phi for row in self.rows]
         pattern_of_part = pattern[np.ix_(rows, columns)]
@@ -260,33 +296,43 @@ class Equations:
         return np.array([numbers(q, p).full() for q in self._samples])
 
     def complete(self, of_coordinates: Sequence[Any], right: Sparse) -> Sparse:
-        """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
+        """Rates x of the whole tree with Phi x = right, from those of the coordinates.
+
+        Phi_u x_u = right - Phi_a x_a.
+        """
         pairs = zip(self._coordinates, of_coordinates, strict=True)
-        x = {i: value for i, value in pairs if not is_zero(value)}
-        moved: Sparse = {}
+        x_a = {i: value for i, value in pairs if not is_zero(value)}
+        by_coordinates: Sparse = {}  # -Phi_a x_a
         for i in self.factors.rows:
             row = self.rows[i].Phi
-            terms = [-(row[j] * x[j]) for j in self._coordinates if j in x and j in row]
+            terms = [-(row[j] * x_a[j]) for j in self._coordinates if j in x_a and j in row]
             if terms:
-                moved[i] = total(terms)
-        return x | self.factors.solve(add(right, moved))
+                by_coordinates[i] = total(terms)
+        return x_a | self.factors.solve(add(right, by_coordinates))
 
     def multipliers(self, tau: Sparse) -> Sparse:
-        """Forces of the closures, row by row, that hold the dependent rates against tau."""
+        """Lambda by row, with Phi_u^T Lambda = tau_u: forces of the closures that balance tau."""
         on_dependent = {j: tau[j] for j in self._dependent if j in tau}
         return self.factors.solve_transposed(on_dependent)
 
-    def reduced(self, tau: Sparse) -> SX:
-        """L^T tau by the multipliers: for one tau, where nothing else needs L (`project`)."""
-        multipliers = self.multipliers(tau)
+    def projected(self, tau: Sparse) -> SX:
+        """L^T tau = tau_a - Phi_a^T Lambda, without L.
+
+        It takes fewer operations than `projected_by_L` where nothing else needs L.
+        """
+        Lambda = self.multipliers(tau)
         result = []
         for j in self._coordinates:
             terms = [tau[j]] if j in tau else []
-            for i, x in multipliers.items():
+            for i, x in Lambda.items():
                 if j in self.rows[i].Phi:
                     terms.append(-(self.rows[i].Phi[j] * x))
             result.append(SX(total(terms)))
         return ca.vertcat(*result)
+
+    def projected_by_L(self, tau: Sparse) -> SX:
+        """L^T tau as a product: for several tau, or where L is computed anyway."""
+        return self.L_matrix.T @ column(tau, self._rates)
 
     @cached_property
     def v(self) -> Sparse:
@@ -311,7 +357,7 @@ class Equations:
         """The joint orthogonal complement, shape (nv, n)."""
         return ca.horzcat(*(column(x, self._rates) for x in self.L))
 
-    def Phi_change(self, along: Sparse) -> Entries:
+    def Phi_dot_along(self, along: Sparse) -> Entries:
         """Rates of change of the entries of Phi along rates of the tree, zeros left out."""
         places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
         entries = ca.vertcat(*(SX(self.rows[i].Phi[j]) for i, j in places))
@@ -321,23 +367,20 @@ class Equations:
 
     @cached_property
     def Phi_dot(self) -> Entries:
-        """Rates of change of the entries of Phi."""
-        return self.Phi_change(self.v)
+        """Rates of change of the entries of Phi along v."""
+        return self.Phi_dot_along(self.v)
 
-    def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
-        """Change of rates x with Phi x = 0 as Phi changes, Eq. (20), and the right side.
+    def rates_of_change(self, x: Sparse, Phi_dot: Entries) -> RatesOfChange:
+        """How rates x with Phi x = 0 change as Phi changes: Phi x_dot = -Phi_dot x, Eq. (20).
 
-        The right side is Phi times this change: -(change of Phi) x.
+        The rates of the coordinates in x stay constant.
         """
         right: Sparse = {}
-        for i, j, rate in Phi_change:
+        for i, j, rate in Phi_dot:
             if j in x:
                 right = add(right, {i: -(rate * x[j])})
-        return self.complete([0.0] * len(self._coordinates), right), right
-
-    def project(self, tau: Sparse) -> SX:
-        """L^T tau by L: where L is there already (`reduced`)."""
-        return self.L_matrix.T @ column(tau, self._rates)
+        x_dot = self.complete([0.0] * len(self._coordinates), right)
+        return RatesOfChange(change=x_dot, right=right)
 
     @cached_property
     def dv(self) -> Sparse:
@@ -345,8 +388,8 @@ class Equations:
         return self.complete(ca.vertsplit(self.aa), self.drift)
 
     @cached_property
-    def at_rest(self) -> Sparse:
-        """Accelerations of the tree without those of the coordinates, L_dot va."""
+    def dv_without_aa(self) -> Sparse:
+        """Accelerations of the tree for aa = 0: L_dot va."""
         return self.complete([0.0] * len(self._coordinates), self.drift)
 
     # --- dynamics ---------------------------------------------------------------------------
@@ -364,21 +407,22 @@ class Equations:
     @cached_property
     def generalized_forces(self) -> SX:
         """f of a motion, Eqs. (91), (92)."""
-        return self.reduced(self.tree_forces)
+        return self.projected(self.tree_forces)
 
     @cached_property
     def motor_matrix(self) -> SX:
         """L^T B, shape (n, motors)."""
-        return ca.horzcat(SX(len(self._coordinates), 0), *map(self.reduced, self.motor_columns))
+        return ca.horzcat(SX(len(self._coordinates), 0), *map(self.projected, self.motor_columns))
 
     @cached_property
     def motor_columns(self) -> list[Sparse]:
         """Columns of B, motors on lines included."""
         pairs = zip(self.mechanism.actuation.T, self.mechanism.lines.actuation.T, strict=True)
-        return [
-            add({i: float(b) for i, b in enumerate(on_rates) if b}, self.tree.along_lines(on_lines))
-            for on_rates, on_lines in pairs
-        ]
+        columns = []
+        for on_rates, on_lines in pairs:
+            of_rates: Sparse = {i: float(b) for i, b in enumerate(on_rates) if b}
+            columns.append(add(of_rates, self.tree.along_lines(on_lines)))
+        return columns
 
     @cached_property
     def B(self) -> SX:
@@ -415,18 +459,21 @@ class Equations:
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
         """(L^T B)^T, factorised, and the largest squares of its pivots in the samples."""
-        rows = list(enumerate(self.motor_rows))
         motors = range(len(self.mechanism.motor_names))
-        by_motor = [{i: row[k] for i, row in rows if k in row} for k in motors]
-        return self._orthogonal(by_motor, dict.fromkeys(motors, 1.0), range(len(rows)))
+        rows_of_transpose: list[dict[int, Any]] = [{} for _ in motors]
+        for i, row in enumerate(self.motor_rows):
+            for k, entry in row.items():
+                rows_of_transpose[k][i] = entry
+        scale = dict.fromkeys(motors, 1.0)
+        return self._orthogonal(rows_of_transpose, scale, range(len(self._coordinates)))
 
     def smallest_torques(self, f: SX) -> Sparse:
-        """The smallest torques that produce f, by motor, refined once."""
+        """The smallest torques tau with L^T B tau = f, by motor, refined once against rounding."""
         factors, _ = self.motor_factors
         tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
         supplied = self.motor_matrix @ column(tau, range(len(self.motor_columns)))
-        left = dict(enumerate(ca.vertsplit(f - supplied)))
-        return add(tau, factors.solve_transposed(left))
+        residual = dict(enumerate(ca.vertsplit(f - supplied)))
+        return add(tau, factors.solve_transposed(residual))
 
     @cached_property
     def inertia(self) -> SX:
@@ -487,8 +534,8 @@ class Equations:
         """The Coriolis matrix, shape (n, n), Eq. (94)."""
         columns = []
         for L in self.L:
-            L_dot, _ = self.held(L, self.Phi_dot)
-            columns.append(self.project(self.tree.coriolis_forces(self.v, L, L_dot)))
+            L_dot, _ = self.rates_of_change(L, self.Phi_dot)
+            columns.append(self.projected_by_L(self.tree.coriolis_forces(self.v, L, L_dot)))
         return ca.horzcat(*columns)
 
     def motor_forces(self, tau: SX) -> Sparse:
@@ -498,9 +545,9 @@ class Equations:
     @cached_property
     def accelerations(self) -> SX:
         """aa under motor torques, Eq. (92)."""
-        without = self.forces(self.at_rest)
-        supplied = self.project(self.motor_forces(self.tau))
-        return self.inertia_factors.solve(supplied - self.project(without))
+        needed_without_aa = self.projected_by_L(self.forces(self.dv_without_aa))
+        supplied = self.projected_by_L(self.motor_forces(self.tau))
+        return self.inertia_factors.solve(supplied - needed_without_aa)
 
     @cached_property
     def inertia_factors(self) -> SymmetricFactors | ArticulatedBodies:

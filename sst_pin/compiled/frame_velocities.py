@@ -33,7 +33,7 @@ def velocity(e: Equations, frame: str, x: Sparse) -> SX:
 
 def rate_of_column(e: Equations, checks: Checks, frame: str, x: Sparse) -> tuple[SX, list[Any]]:
     """Change of the velocity for rates x along v, and a check of it."""
-    x_dot, right = e.held(x, e.Phi_dot)
+    x_dot, right = e.rates_of_change(x, e.Phi_dot)
     return _change(e, frame, x=x, along=e.v, x_dot=x_dot), checks.unsolved(x_dot, right)
 
 
@@ -41,13 +41,13 @@ def derivative_along(
     e: Equations, checks: Checks, frame: str, step: Sparse
 ) -> tuple[SX, list[Any]]:
     """Change of the velocity for rates v along `step`, and a check of it."""
-    v_dot, right = e.held(e.v, e.Phi_change(step))
+    v_dot, right = e.rates_of_change(e.v, e.Phi_dot_along(step))
     return _change(e, frame, x=e.v, along=step, x_dot=v_dot), checks.unsolved(v_dot, right)
 
 
 def drift(e: Equations, frame: str) -> SX:
     """Change of the velocity for rates v along v."""
-    return _change(e, frame, x=e.v, along=e.v, x_dot=e.at_rest)
+    return _change(e, frame, x=e.v, along=e.v, x_dot=e.dv_without_aa)
 
 
 def _change(e: Equations, frame_name: str, x: Sparse, along: Sparse, x_dot: Sparse) -> SX:

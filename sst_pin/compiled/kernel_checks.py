@@ -296,7 +296,7 @@ class Checks:
     @property
     def of_steady_motion(self) -> list[Any]:
         """Checks that redundant rows allow the motion with constant rates of the coordinates."""
-        return self.redundant_in_accelerations(self._equations.at_rest)
+        return self.redundant_in_accelerations(self._equations.dv_without_aa)
 
     @property
     def of_forces(self) -> list[Any]:
@@ -308,10 +308,10 @@ class Checks:
     def of_accelerations(self) -> list[Any]:
         """Checks of all linear solutions in direct dynamics but that with the mass matrix.
 
-        Its equations use the accelerations of the joints for aa = 0, `at_rest`.
+        Its equations use the accelerations of the joints for aa = 0.
         """
         e = self._equations
-        return self.of_rates + self.solved(e.at_rest) + self.of_complement
+        return self.of_rates + self.solved(e.dv_without_aa) + self.of_complement
 
     # --- motors and mass ----------------------------------------------------------------------
 

@@ -162,8 +162,8 @@ def _displacement_rates(e: Equations, checks: Checks) -> KernelParts:
 
 def _reduced_terms(e: Equations, checks: Checks) -> KernelParts:
     """Mass matrix, Coriolis matrix, forces of gravity with springs, forces of friction."""
-    gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
-    friction = e.project(e.tree.friction(e.v))
+    gravity = e.projected_by_L(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
+    friction = e.projected_by_L(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
     return KernelParts(_moving(e), ca.vertcat(*terms), checks.of_accelerations)
 
@@ -174,11 +174,11 @@ def _torque_regressor(e: Equations, checks: Checks) -> KernelParts:
     Its columns belong to bodies and joints, offsets of joint forces, lines, and offsets of motors.
     """
     nv = e.mechanism.model.nv
-    by_numbers = ca.jacobian(e.project(e.tree_forces), e.p)
+    by_numbers = ca.jacobian(e.projected_by_L(e.tree_forces), e.p)
     blocks = [by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters()]
     *bodies_and_joints, lines = blocks
-    joint_offsets = [e.project({i: 1.0}) for i in range(nv)]
-    motor_offsets = [e.project(forces) for forces in e.motor_columns]
+    joint_offsets = [e.projected_by_L({i: 1.0}) for i in range(nv)]
+    motor_offsets = [e.projected_by_L(forces) for forces in e.motor_columns]
     return KernelParts(
         inputs=_moving(e) | {"aa": e.aa},
         output=row_by_row(*bodies_and_joints, *joint_offsets, lines, *motor_offsets),
@@ -292,7 +292,9 @@ def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> KernelPar
 
 def _drift(e: Equations, checks: Checks, frame: str) -> KernelParts:
     return KernelParts(
-        _moving(e), frame_velocities.drift(e, frame), checks.of_rates + checks.solved(e.at_rest)
+        _moving(e),
+        frame_velocities.drift(e, frame),
+        checks.of_rates + checks.solved(e.dv_without_aa),
     )
 
 

@@ -134,8 +134,10 @@ class NonsmoothTerms:
         stiffness = e.parameters.of_joints("stiffness", e.p)
         moves = e.kinematics.difference(e.parameters.of_joints("spring_reference", e.p))
         springs: Sparse = {k: c * moves[k] for k, c in stiffness.items()}
-        needed = add(e.tree.forces(e.v, e.at_rest), add(springs, e.tree.along_lines(tensions)))
-        return -e.project(needed)
+        needed = add(
+            e.tree.forces(e.v, e.dv_without_aa), add(springs, e.tree.along_lines(tensions))
+        )
+        return -e.projected_by_L(needed)
 
     # --- rows -------------------------------------------------------------------------------
 

@@ -19,6 +19,7 @@ that define twists have b = 0.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
+from typing import NamedTuple
 
 import casadi as ca
 from casadi import SX
@@ -31,16 +32,39 @@ from .symbols import Sparse, is_zero, sx
 #: Twists are used if the solution without them has at least this many times the products.
 _WORTH = 1.25
 
+#: Columns of the components 0 to 5 of a twist; components that are zero have none.
+TwistColumns = dict[int, int]
+
+
+class FirstIndices(NamedTuple):
+    """Indices of the first row and the first column of auxiliary unknowns."""
+
+    row: int
+    column: int
+
+
+class _KnownPart(NamedTuple):
+    """The part of a branch whose dependent rates are known when a row is solved."""
+
+    #: The last link of this part that a dependent rate moves.
+    link: int
+    #: The dependent rates of this part.
+    rates: set[int]
+
 
 def coupled(
     kinematics: Kinematics,
     rows: Sequence[Row],
     blocks: Sequence[Factors],
-    first: tuple[int, int],
+    first: FirstIndices,
 ) -> tuple[dict[int, Sparse], list[Factors | Definition]]:
     """Rows of blocks of loops and of auxiliary unknowns, and the order in which all are solved.
 
-    `first` are the indices of the first row and the first column of auxiliary unknowns.
+    Args:
+        kinematics: The motion of the links.
+        rows: All rows of the closures.
+        blocks: Blocks of Phi_u in the order of solution.
+        first: The indices that auxiliary unknowns get.
     """
     entries = {i: rows[i].Phi for block in blocks for i in block.rows}
     if len(blocks) == 1:
@@ -57,21 +81,28 @@ def _products(entries: Mapping[int, Sparse], blocks: Sequence[Factors | Definiti
     count = 0
     for block in blocks:
         for i in block.rows:
-            before = (SX(x) for j, x in entries[i].items() if j in known)
-            count += sum(not (x.is_one() or x.is_minus_one()) for x in before)
+            for j, x in entries[i].items():
+                entry = SX(x)
+                if j in known and not (entry.is_one() or entry.is_minus_one()):
+                    count += 1
         known.update(block.columns)
     return count
 
 
 class _ByTwists:
-    """Rows of blocks of loops that are coupled by twists."""
+    """Rows of blocks of loops that are coupled by twists.
+
+    Attributes:
+        entries: Entries of each row by column, rows of definitions included.
+        sequence: Blocks and definitions in the order of solution.
+    """
 
     def __init__(
         self,
         kinematics: Kinematics,
         rows: Sequence[Row],
         blocks: Sequence[Factors],
-        first: tuple[int, int],
+        first: FirstIndices,
     ) -> None:
         self._kinematics = kinematics
         self._links = kinematics.tree.links
@@ -80,104 +111,116 @@ class _ByTwists:
         #: Dependent rates that move one link relative to its parent. The rate of a joint that mimic
         #: joints follow moves several: a row's entry for it is more than a part of one twist.
         self._of_one_link = {j for j in self._dependent if links_of_rate[j] == 1}
-        self._row, self._column = first
-        #: Columns of the components of the twist of a link relative to another one, by both; None
-        #: for components that are zero.
-        self._twists: dict[tuple[int, int], list[int | None]] = {}
+        #: Indices of the next auxiliary unknown.
+        self._next_row, self._next_column = first
+        #: The twists that are defined, by base and link.
+        self._twists: dict[tuple[int, int], TwistColumns] = {}
         self.entries: dict[int, Sparse] = {}
         self.sequence: list[Factors | Definition] = []
         known = set[int]()
         for block in blocks:
             for i in block.rows:
-                # This adds the definitions that the row needs to the sequence, before its block.
-                self.entries[i] = self._coupled(rows[i], known)
+                # Definitions that the row needs come before its block.
+                self.entries[i] = self._couple(rows[i], known)
             self.sequence.append(block)
             known.update(block.columns)
 
-    def _coupled(self, row: Row, known: Set[int]) -> Sparse:
-        """A row with twists in place of the known rates that they contain."""
+    def _couple(self, row: Row, known: Set[int]) -> Sparse:
+        """A row with twists in place of known rates; twists that are new are defined.
+
+        `known` are the rates of earlier blocks.
+        """
         entries = dict(row.Phi)
         for end in row.ends:
-            link, rates = self._last_known(end, known)
-            if not rates:
+            part = self._known_part(end, known)
+            if not part.rates:
                 continue
-            for j in rates:
+            for j in part.rates:
                 entries.pop(j, None)
             # The velocity of the end is that of the link, continued to the point of the end.
-            of_twist = _by_twist(end, end.point - self._origin(end.base, link))
-            for column, entry in zip(self._columns_of_twist(end.base, link), of_twist, strict=True):
-                if column is not None and not is_zero(entry):
-                    entries[column] = entry
+            lever = end.point - self._origin(end.base, part.link)
+            coefficients = _coefficients_of_twist(end, lever)
+            for component, column in self._defined_twist(end.base, part.link).items():
+                if not is_zero(coefficients[component]):
+                    entries[column] = coefficients[component]
         return entries
 
-    def _last_known(self, end: End, known: Set[int]) -> tuple[int, set[int]]:
-        """The last link up to which all dependent rates are known, and these rates.
+    def _known_part(self, end: End, known: Set[int]) -> _KnownPart:
+        """The part of the branch from the base to an end up to which dependent rates are known.
 
-        Known are the rates of earlier blocks. Links with coordinates only are passed. A link whose
-        rate moves other links too counts as unknown.
+        A link that only coordinates move does not end it. A link whose rate moves other links too
+        does: it counts as unknown.
         """
-        known = known & self._of_one_link
         last = end.base
         rates = set[int]()
         for link in self._path(end.base, end.link):
             of_link = self._dependent_rates(link)
-            if not of_link <= known:
+            if not of_link <= known & self._of_one_link:
                 break
             if of_link:
                 last = link
                 rates |= of_link
-        return last, rates
+        return _KnownPart(last, rates)
 
-    def _columns_of_twist(self, base: int, link: int) -> list[int | None]:
-        """Columns of the twist of a link, which is defined here at its first use."""
+    def _defined_twist(self, base: int, link: int) -> TwistColumns:
+        """The twist of a link relative to a base, which is defined now if it is new.
+
+        It follows from the twist of the last link before it that a dependent rate moves.
+        """
         if (base, link) not in self._twists:
             before = base
             for other in self._path(base, link)[:-1]:
                 if self._dependent_rates(other):
                     before = other
-            columns: list[int | None] = [None] * 6
+            twist_before: TwistColumns = {}
             if before != base:
-                columns = self._columns_of_twist(base, before)
-            self._twists[base, link] = self._define(base, before, columns, link)
+                twist_before = self._defined_twist(base, before)
+            self._twists[base, link] = self._define(base, before, twist_before, link)
         return self._twists[base, link]
 
     def _define(
-        self, base: int, before: int, columns: list[int | None], link: int
-    ) -> list[int | None]:
-        """New unknowns: the twist of a link from that of one before it, which has these columns.
+        self, base: int, before: int, twist_before: TwistColumns, link: int
+    ) -> TwistColumns:
+        """Add the definition of the twist of a link from that of a link before it.
 
-        Row k of a definition is twist_k - carried_k twist_before - axes_k v = 0, twists [u; omega].
+        Row k is twist_k - (X twist_before)_k - (axes v)_k = 0 for twists [u; omega]: X moves the
+        point of the velocity from the one origin to the other.
         """
         lever = self._origin(base, link) - self._origin(base, before)
-        carried = SX.eye(6)
-        carried[:3, 3:] = -ca.skew(lever)
+        X = SX.eye(6)
+        X[:3, 3:] = -ca.skew(lever)
         R, _ = self._kinematics.pose(base, link)
         axes = ca.diagcat(R, R) @ sx(self._links[link].S)
-        twist: list[int | None] = []
+        twist: TwistColumns = {}
         for k in range(6):
             entries = Sparse()
-            for j, column in enumerate(columns):
-                if column is not None and not is_zero(carried[k, j]):
-                    entries[column] = -carried[k, j]
-            for j, rate in enumerate(self._links[link].v):
-                if rate in self._dependent and not is_zero(axes[k, j]):
-                    entries[rate] = -axes[k, j]
-            if not entries:
-                twist.append(None)
-                continue
-            twist.append(self._column)
-            self.entries[self._row] = entries | {self._column: SX(1)}
-            self.sequence.append(Definition(self._row, self._column))
-            self._row += 1
-            self._column += 1
+            for component, column in twist_before.items():
+                if not is_zero(X[k, component]):
+                    entries[column] = -X[k, component]
+            for place, rate in enumerate(self._links[link].v):
+                if rate in self._dependent and not is_zero(axes[k, place]):
+                    entries[rate] = -axes[k, place]
+            if entries:
+                twist[k] = self._add_definition(entries)
         return twist
+
+    def _add_definition(self, entries: Sparse) -> int:
+        """Add a row that defines an auxiliary unknown by other entries; the column of it."""
+        row = self._next_row
+        column = self._next_column
+        self._next_row += 1
+        self._next_column += 1
+        self.entries[row] = entries | {column: SX(1)}
+        self.sequence.append(Definition(row, column))
+        return column
 
     def _origin(self, base: int, link: int) -> SX:
         """Origin of a link in the axes of one of its ancestors."""
-        return self._kinematics.pose(base, link)[1]
+        _, p = self._kinematics.pose(base, link)
+        return p
 
     def _path(self, base: int, link: int) -> list[int]:
-        """Links from behind the base to a link."""
+        """The links from the base, which is left out, to a link."""
         path = self._kinematics.tree.ancestors(link)
         return path[path.index(base) + 1 :]
 
@@ -185,11 +228,12 @@ class _ByTwists:
         return self._dependent.intersection(self._links[link].v)
 
 
-def _by_twist(end: End, lever: SX) -> list[SX]:
+def _coefficients_of_twist(end: End, lever: SX) -> list[SX]:
     """Coefficients in a row of the twist of a link; `lever` leads from its origin to the end.
 
     The rate of the end is linear in the twist, so that its gradient are the coefficients.
     """
-    u, turn = SX.sym("u", 3), SX.sym("turn", 3)
-    rate = end.rate(u + ca.cross(turn, lever), turn)
-    return ca.vertsplit(ca.gradient(rate, ca.vertcat(u, turn)))
+    u = SX.sym("u", 3)
+    omega = SX.sym("turn", 3)
+    rate = end.rate(u + ca.cross(omega, lever), omega)
+    return ca.vertsplit(ca.gradient(rate, ca.vertcat(u, omega)))

@@ -2,13 +2,27 @@
 """Derivatives along the motions that keep the loops closed, on CasADi's symbols.
 
 As docs/derivatives.md: partial derivatives on the tree are CasADi's; the loops are differentiated
-implicitly, by the one factorisation of Phi_u. For many samples whole matrices take the fewest
-operations. For one sample, its directions are computed side by side like samples of a batch.
+implicitly, by the one factorisation of Phi_u. With the multipliers Lambda of the closures, let
+
+    F(q, v, v_dot, Lambda) = forces that the tree needs - Phi^T Lambda - B tau,
+    c(q, v, v_dot) = Phi v_dot + Phi_dot v.
+
+The forces along the coordinates are f = L^T F. Lambda and tau are held: L^T Phi^T is zero wherever
+the loops are closed. Lambda is such that F is zero along the dependent rates, and L does not change
+along the coordinates. So df = L^T dF. Along a direction x of the coordinates, dq = L x:
+
+    df = L^T (F_q dq + F_v dv + F_v_dot dv_dot)
+    Phi dv = -Phi_dot(dq) v              from Phi v = 0, at constant va
+    Phi dv_dot = -c_q dq - c_v dv        from c = 0, at constant aa
+
+with the rate Phi_dot(dq) of Phi along dq. For derivatives by va, dq = 0 and dv = L x. For many
+samples whole matrices take the fewest operations. For one sample, its directions are computed side
+by side like samples of a batch.
 """
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 from casadi import SX
@@ -20,17 +34,40 @@ from .kernel_checks import Checks
 from .symbols import Sparse, add, column, is_zero, sparse, sx, symmetric
 
 
-def of_torques(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
-    """Derivatives of f by q, va and aa side by side, and checks."""
-    return _of_forces(e, checks, OnTree(e, e.aa, SX(*e.tau.shape)))
+class CheckedMatrix(NamedTuple):
+    """Derivatives with the checks of the linear solutions in them."""
+
+    values: SX
+    checks: list[Any]
 
 
-def of_accelerations(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
-    """Derivatives of aa by q, va and tau side by side, and checks."""
-    by_motion, residual_checks = _of_forces(e, checks, OnTree(e, e.accelerations, e.tau))
-    n = by_motion.shape[1] // 3
-    forces = ca.horzcat(-by_motion[:, : 2 * n], e.motor_matrix)
-    return e.inertia_factors.solve(forces), residual_checks + checks.massless
+class ChangeOfForces(NamedTuple):
+    """Changes of f along a direction, with the checks of the linear solutions in them."""
+
+    #: By q, shape (n,).
+    by_q: SX
+    #: By va, shape (n,).
+    by_va: SX
+    checks: list[Any]
+
+
+def of_torques(e: Equations, checks: Checks) -> CheckedMatrix:
+    """Derivatives of f by q, va and aa side by side."""
+    no_torques = SX(*e.tau.shape)
+    return _of_forces(e, checks, TreeDerivatives(e, e.aa, no_torques))
+
+
+def of_accelerations(e: Equations, checks: Checks) -> CheckedMatrix:
+    """Derivatives of aa by q, va and tau side by side.
+
+    f(q, va, aa) = L^T B tau holds. So d(aa) is the inverse inertia matrix times -df at constant aa
+    and tau, or times L^T B d(tau).
+    """
+    of_forces = _of_forces(e, checks, TreeDerivatives(e, e.accelerations, e.tau))
+    n = of_forces.values.shape[1] // 3
+    by_q_and_va = of_forces.values[:, : 2 * n]
+    forces = ca.horzcat(-by_q_and_va, e.motor_matrix)
+    return CheckedMatrix(e.inertia_factors.solve(forces), of_forces.checks + checks.massless)
 
 
 def of_displacement(e: Equations, step: Sparse) -> SX:
@@ -39,181 +76,272 @@ def of_displacement(e: Equations, step: Sparse) -> SX:
 
 
 def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
-    """Joint by joint the Lie bracket [a, b] of rates, along the rates."""
+    """Joint by joint the Lie bracket [a, b] of rates, along the rates.
+
+    For twists [u; omega] it is [omega_a x u_b + u_a x omega_b; omega_a x omega_b].
+    """
     brackets: Sparse = {}
     for link in e.kinematics.tree.links:
-        if len(link.v) > 1:
+        if len(link.v) > 1:  # a single twist has a zero bracket with itself
             S = sx(link.S)
-            (u, turn), (other_u, other) = (ca.vertsplit(S @ column(x, link.v), 3) for x in (a, b))
-            linear = ca.cross(turn, other_u) + ca.cross(u, other)
-            brackets |= sparse(link.v, S.T @ ca.vertcat(linear, ca.cross(turn, other)))
+            u_a, omega_a = ca.vertsplit(S @ column(a, link.v), 3)
+            u_b, omega_b = ca.vertsplit(S @ column(b, link.v), 3)
+            linear = ca.cross(omega_a, u_b) + ca.cross(u_a, omega_b)
+            brackets |= sparse(link.v, S.T @ ca.vertcat(linear, ca.cross(omega_a, omega_b)))
     return brackets
 
 
-#: Derivative of a function of q, v and v_dot, from changes of these along the rates of the tree.
+# --- the tree -----------------------------------------------------------------------------------
+
+#: Change of a function of q, v and v_dot, from changes of these along the rates of the tree.
 Change = Callable[[Sparse, Sparse, Sparse], SX]
 
 
-class OnTree:
-    """Derivatives on the tree, where q, v, v_dot and the forces of the closures are independent.
+class TreeDerivatives:
+    """Derivatives on the tree, where q, v, v_dot and Lambda are independent.
 
-    Functions of displacements q along the rates, of v and of v_dot: `slips`, Phi v of the rows that
-    constrain rates only; `c`, Phi v_dot + Phi_dot v; `forces`, those of the tree less those of the
-    closures and of the motors.
+    The functions F and c of the module, and `slips`, are written on symbols of their own, those of
+    `Equations.displaced`. Derivatives by q are those by displacements along the rates. The results
+    are on the symbols of the equations.
+
+    Args:
+        e: The equations.
+        aa: Accelerations of the coordinates.
+        tau: Motor torques, which are held.
+
+    Attributes:
+        rates: Indices of all rates of the tree.
+        q, v, v_dot: The symbols by which functions are differentiated.
+        F: Forces along the rates.
+        c: Phi v_dot + Phi_dot v, for each row of the factors of Phi_u.
+        slips: Phi v of the rows that constrain rates only, zero for the other rows.
     """
 
     def __init__(self, e: Equations, aa: SX, tau: SX) -> None:
-        of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
-        force = add(e.forces(of_v_dot), e.motor_forces(-tau))
         nv = e.mechanism.model.nv
-        twin = e.displaced
         self.rates = range(nv)
-        rows = [twin.rows[i] for i in e.factors.rows]
-        self.q = twin.kinematics.displacement
-        self.v, self.v_dot = SX.sym("v", nv), SX.sym("v_dot", nv)
-        v = {i: self.v[i] for i in e.v}
-        a = {i: self.v_dot[i] for i in of_v_dot}
-        R = SX.sym("reactions", len(rows))
-        twists = partial(twin.kinematics.twist, v=v)
-        slips = (row.velocity(v, twists) if row.residual is None else SX(0) for row in rows)
-        self.slips = SX(ca.vertcat(*slips))
-        self.c = SX(ca.vertcat(*(row.acceleration(v, a) for row in rows)))
-        forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), twin.motor_forces(-twin.tau))
-        self.forces = column(forces, range(nv))
-        self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, twin.tau]
-        lambda_ = column(e.multipliers(force), e.factors.rows)
-        now = [column(e.v, range(nv)), column(of_v_dot, range(nv)), lambda_]
-        self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
 
-    def by(self, *pairs: tuple[SX, SX]) -> list[SX]:
-        """For each pair, the derivative of the first member by the second one."""
-        results = [ca.jacobian(of, x) for of, x in pairs]
+        # The values at which derivatives are taken.
+        v_dot_now = e.complete(ca.vertsplit(aa), e.drift)
+        needed = add(e.forces(v_dot_now), e.motor_forces(-tau))
+        Lambda_now = e.multipliers(needed)
+
+        # The functions. Rates that are zero in e are left out here too.
+        own = e.displaced
+        rows = [own.rows[i] for i in e.factors.rows]
+        self.q = own.kinematics.displacement
+        self.v = SX.sym("v", nv)
+        self.v_dot = SX.sym("v_dot", nv)
+        Lambda = SX.sym("reactions", len(rows))
+        v = {i: self.v[i] for i in e.v}
+        v_dot = {i: self.v_dot[i] for i in v_dot_now}
+        twists = partial(own.kinematics.twist, v=v)
+        slips = []
+        for row in rows:
+            slips.append(row.velocity(v, twists) if row.residual is None else SX(0))
+        self.slips = SX(ca.vertcat(*slips))
+        self.c = SX(ca.vertcat(*(row.acceleration(v, v_dot) for row in rows)))
+        of_tree = _forces_with_closures(own, v, v_dot, rows, ca.vertsplit(Lambda))
+        self.F = column(add(of_tree, own.motor_forces(-own.tau)), self.rates)
+
+        #: Pairs of symbols of the functions and their values.
+        arguments = [
+            (own.q, e.q),
+            (self.q, SX(nv, 1)),
+            (self.v, column(e.v, self.rates)),
+            (self.v_dot, column(v_dot_now, self.rates)),
+            (Lambda, column(Lambda_now, e.factors.rows)),
+            (own.p, e.p),
+            (own.loads, e.loads),
+            (own.tau, tau),
+        ]
+        self._symbols = [symbol for symbol, _ in arguments]
+        self._values = [value for _, value in arguments]
+
+    def jacobians(self, *pairs: tuple[SX, SX]) -> list[SX]:
+        """For each pair of a function and symbols, the derivative of the function by these."""
+        results = [ca.jacobian(function, symbols) for function, symbols in pairs]
         return list(ca.Function("by", self._symbols, results).call(self._values))
 
     @cached_property
     def change_of_slips(self) -> Change:
-        """Derivative of `slips`."""
+        """Change of `slips`."""
         return self._change(self.slips)
 
     @cached_property
     def change_of_c(self) -> Change:
-        """Derivative of `c`."""
+        """Change of c."""
         return self._change(self.c)
 
     @cached_property
-    def change_of_forces(self) -> Change:
-        """Derivative of `forces`."""
-        return self._change(self.forces)
+    def change_of_F(self) -> Change:
+        """Change of F."""
+        return self._change(self.F)
 
-    def _change(self, of: SX) -> Change:
-        """Derivative of one of the functions by changes of q, v and v_dot."""
-        nv = self.v.numel()
+    def _change(self, expression: SX) -> Change:
+        """Change of one of the functions by changes of q, v and v_dot."""
+        nv = len(self.rates)
         change = SX.sym("change", 3 * nv)
-        result = ca.jtimes(of, ca.vertcat(self.q, self.v, self.v_dot), change)
+        result = ca.jtimes(expression, ca.vertcat(self.q, self.v, self.v_dot), change)
         function = ca.Function("change", [*self._symbols, change], [result])
 
-        def along(q: Sparse, v: Sparse, v_dot: Sparse) -> SX:
-            changes = (column(x, range(nv)) for x in (q, v, v_dot))
+        def along(dq: Sparse, dv: Sparse, dv_dot: Sparse) -> SX:
+            changes = (column(x, self.rates) for x in (dq, dv, dv_dot))
             return function(*self._values, ca.vertcat(*changes))
 
         return along
 
 
-def _of_forces(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any]]:
-    """Derivatives of f by q, va and aa at constant motor forces, and checks of the solutions."""
+def _forces_with_closures(
+    e: Equations, v: Sparse, v_dot: Sparse, rows: Sequence[Row], Lambda: list[SX]
+) -> Sparse:
+    """Forces that the tree needs at v and v_dot, less Phi^T Lambda of some rows.
+
+    Phi^T Lambda is the gradient of the power Lambda . Phi v. Rows of frames depend on v by the
+    twists of links, so that their part is wrenches on links; rows of joints depend on v itself.
+    """
+    velocities, twists = by_twists(rows, v)
+    power = -SX(total(x * velocity for x, velocity in zip(Lambda, velocities, strict=True)))
+    on_links = {i: ca.gradient(power, twist) for i, twist in twists.items()}
+    on_joints = {i: ca.gradient(power, rate) for i, rate in v.items()}
+    forces = e.tree.forces(v, v_dot, reactions=on_links)
+    forces = add(forces, {i: x for i, x in on_joints.items() if not is_zero(x)})
+    return add(forces, add(e.tree.friction(v), e.tree.springs(v)))
+
+
+def _Phi_dot_v(e: Equations, slips_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
+    """Phi_dot(x) v for steps x of the tree, by default the columns of L, shape (rows, steps).
+
+    For a row that constrains rates only it is the change of the slip, `slips_q`. For the other rows
+    Phi is the derivative of a residual, and with the bracket [x, v] of the joints
+
+        Phi_dot(x) v - Phi_dot(v) x = Phi [x, v],   Phi_dot(x) v + Phi_dot(v) x = c_v x,
+
+    so that it is (c_v x + Phi [x, v]) / 2.
+
+    Args:
+        e: The equations.
+        slips_q: Change of `slips` by q along the steps, shape (rows, steps).
+        c_v: Change of c by v along the steps, shape (rows, steps).
+        steps: Rates of the tree.
+    """
+    result = SX(c_v)
+    brackets = [_brackets(e, step, e.v) for step in steps or e.L]
+    for place, i in enumerate(e.factors.rows):
+        row = e.rows[i]
+        for k, bracket in enumerate(brackets):
+            of_bracket = total(x * bracket[j] for j, x in row.Phi.items() if j in bracket)
+            if row.residual is None:
+                result[place, k] = slips_q[place, k]
+            else:
+                result[place, k] = (c_v[place, k] + of_bracket) / 2
+    return result
+
+
+# --- derivatives of f ---------------------------------------------------------------------------
+
+
+def _of_forces(e: Equations, checks: Checks, tree: TreeDerivatives) -> CheckedMatrix:
+    """Derivatives of f by q, va and aa side by side, at constant motor torques."""
     if e.derivatives_by_columns:
         return _of_forces_by_columns(e, checks, tree)
-    nv = e.mechanism.model.nv
+    return _of_forces_by_matrices(e, checks, tree)
+
+
+def _of_forces_by_matrices(e: Equations, checks: Checks, tree: TreeDerivatives) -> CheckedMatrix:
+    """As `_of_forces`, with Jacobians on the tree.
+
+    F_v_dot is the mass matrix M of the tree. As only the dependent entries of dv_dot differ from
+    zero, L^T M dv_dot = -g (c_q dq + c_v dv), with g = (L^T M)_u Phi_u^-1: its rows are multipliers
+    of the forces M L. With G_q = L^T F_q - g c_q, G_v = L^T F_v - g c_v and the derivative V_q of v
+    by q along the columns of L,
+
+        f_q = G_q L + G_v V_q,   f_va = G_v L,   f_aa = L^T M L.
+    """
     rows = e.factors.rows
-    of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
-    of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
-    slip_q, c_q, c_v, force_q, force_v = tree.by(*of_rows, *of_forces)
+    slips_q, c_q, c_v, F_q, F_v = tree.jacobians(
+        (tree.slips, tree.q),
+        (tree.c, tree.q),
+        (tree.c, tree.v),
+        (tree.F, tree.q),
+        (tree.F, tree.v),
+    )
     L = e.L_matrix
-    M = symmetric(e.tree.inertia, nv)
-    inertial = [sparse(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
-    g = ca.vertcat(*(column(e.multipliers(x), rows).T for x in inertial))
-    residual_checks = [check for x in inertial for check in checks.unbalanced(x)]
-    by_q = L.T @ force_q - g @ c_q
-    by_v = L.T @ force_v - g @ c_v
-    lost = [sparse(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
-    v_q = [e.factors.solve(x) for x in lost]
-    pairs = zip(v_q, lost, strict=True)
-    residual_checks += [check for pair in pairs for check in checks.unsolved(*pair)]
-    of_q = by_q @ L + by_v @ ca.horzcat(*(column(x, range(nv)) for x in v_q))
-    return ca.horzcat(of_q, by_v @ L, e.inertia), residual_checks
+
+    # g, row by row.
+    M = symmetric(e.tree.inertia, len(tree.rates))
+    forces_of_inertia = [sparse(tree.rates, ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
+    g = ca.vertcat(*(column(e.multipliers(x), rows).T for x in forces_of_inertia))
+    solution_checks = [check for x in forces_of_inertia for check in checks.unbalanced(x)]
+    G_q = L.T @ F_q - g @ c_q
+    G_v = L.T @ F_v - g @ c_v
+
+    # V_q: only the dependent rates change.
+    columns_of_V = []
+    for rate_of_Phi_v in ca.horzsplit(_Phi_dot_v(e, slips_q @ L, c_v @ L)):
+        right = sparse(rows, -rate_of_Phi_v)
+        dv = e.factors.solve(right)
+        solution_checks += checks.unsolved(dv, right)
+        columns_of_V.append(column(dv, tree.rates))
+    f_q = G_q @ L + G_v @ ca.horzcat(*columns_of_V)
+    return CheckedMatrix(ca.horzcat(f_q, G_v @ L, e.inertia), solution_checks)
 
 
-def _of_forces_by_columns(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any]]:
+def _of_forces_by_columns(e: Equations, checks: Checks, tree: TreeDerivatives) -> CheckedMatrix:
     """As `_of_forces`, along one coordinate after the other."""
     n = len(e.L)
     by_q = list[SX]()
     by_va = list[SX]()
     solution_checks = list[Any]()
     for k in range(n):
-        along = SX(n, 1)
-        along[k] = 1
-        of_q, of_va, more = of_forces_along(e, checks, tree, along)
-        by_q.append(of_q)
-        by_va.append(of_va)
-        solution_checks += more
-    return ca.horzcat(*by_q, *by_va, e.inertia), solution_checks
+        direction = SX(n, 1)
+        direction[k] = 1
+        change = of_forces_along(e, checks, tree, direction)
+        by_q.append(change.by_q)
+        by_va.append(change.by_va)
+        solution_checks += change.checks
+    return CheckedMatrix(ca.horzcat(*by_q, *by_va, e.inertia), solution_checks)
 
 
 def of_forces_along(
-    e: Equations, checks: Checks, tree: OnTree, direction: SX
-) -> tuple[SX, SX, list[Any]]:
-    """Changes of f by q and by va along a direction of the coordinates, and checks of them."""
+    e: Equations, checks: Checks, tree: TreeDerivatives, direction: SX
+) -> ChangeOfForces:
+    """Changes of f by q and by va along a direction of the coordinates."""
     rows = e.factors.rows
-    still = [0.0] * direction.numel()
+    zero_at_coordinates = [0.0] * direction.numel()
     none = Sparse()
-    step = e.complete(ca.vertsplit(direction), none)
-    c_v = tree.change_of_c(none, step, none)
-    slips = tree.change_of_slips(step, none, none)
-    lost = sparse(rows, -_phi_dot_v(e, slips, c_v, [step]))
-    v_q = e.complete(still, lost)
-    c_q = sparse(rows, -tree.change_of_c(step, v_q, none))
-    c_va = sparse(rows, -c_v)
-    v_dot_q = e.complete(still, c_q)
-    v_dot_va = e.complete(still, c_va)
-    by_q = sparse(tree.rates, tree.change_of_forces(step, v_q, v_dot_q))
-    by_va = sparse(tree.rates, tree.change_of_forces(none, step, v_dot_va))
-    solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
-    more = [check for x, right in solved for check in checks.unsolved(x, right)]
-    more += [*checks.unbalanced(by_q), *checks.unbalanced(by_va)]
-    return e.reduced(by_q), e.reduced(by_va), more
+    step = e.complete(ca.vertsplit(direction), none)  # L x
+
+    # By q: dq = L x, then dv and dv_dot.
+    c_v_step = tree.change_of_c(none, step, none)
+    slips_step = tree.change_of_slips(step, none, none)
+    right_of_dv = sparse(rows, -_Phi_dot_v(e, slips_step, c_v_step, [step]))
+    dv = e.complete(zero_at_coordinates, right_of_dv)
+    right_of_dv_dot = sparse(rows, -tree.change_of_c(step, dv, none))
+    dv_dot = e.complete(zero_at_coordinates, right_of_dv_dot)
+    dF_by_q = sparse(tree.rates, tree.change_of_F(step, dv, dv_dot))
+
+    # By va: dv = L x, then dv_dot.
+    right_by_va = sparse(rows, -c_v_step)
+    dv_dot_by_va = e.complete(zero_at_coordinates, right_by_va)
+    dF_by_va = sparse(tree.rates, tree.change_of_F(none, step, dv_dot_by_va))
+
+    solution_checks = [
+        *checks.unsolved(step, none),
+        *checks.unsolved(dv, right_of_dv),
+        *checks.unsolved(dv_dot, right_of_dv_dot),
+        *checks.unsolved(dv_dot_by_va, right_by_va),
+        *checks.unbalanced(dF_by_q),
+        *checks.unbalanced(dF_by_va),
+    ]
+    return ChangeOfForces(e.projected(dF_by_q), e.projected(dF_by_va), solution_checks)
 
 
 def of_inertia_along(
-    e: Equations, checks: Checks, tree: OnTree, direction: SX
-) -> tuple[SX, list[Any]]:
-    """The mass matrix times a direction of the coordinates, and a check of it."""
+    e: Equations, checks: Checks, tree: TreeDerivatives, direction: SX
+) -> CheckedMatrix:
+    """The mass matrix times a direction of the coordinates, shape (n,)."""
     none = Sparse()
     step = e.complete(ca.vertsplit(direction), none)
-    by_aa = sparse(tree.rates, tree.change_of_forces(none, none, step))
-    return e.reduced(by_aa), checks.unbalanced(by_aa)
-
-
-def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
-    """Phi_dot v, with Phi_dot along each L e_k or each of the steps, shape (rows, n)."""
-    # Where rows hold positions and loops are closed, c_v L e_k is twice that, but for the bracket
-    # of L e_k and v. For rows that hold rates only it is `slip_q`.
-    result = SX(c_v)
-    brackets = [_brackets(e, step, e.v) for step in steps or e.L]
-    for place, i in enumerate(e.factors.rows):
-        row = e.rows[i]
-        for k, bracket in enumerate(brackets):
-            turned = total(x * bracket[j] for j, x in row.Phi.items() if j in bracket)
-            of_position = (c_v[place, k] + turned) / 2
-            result[place, k] = slip_q[place, k] if row.residual is None else of_position
-    return result
-
-
-def _forces(e: Equations, v: Sparse, a: Sparse, rows: Sequence[Row], R: list[SX]) -> Sparse:
-    """Forces of the tree at v and a, less Phi^T R of given rows, which act on the links."""
-    velocities, twists = by_twists(rows, v)
-    power = -SX(total(x * u for x, u in zip(R, velocities, strict=True)))
-    wrenches = {i: ca.gradient(power, x) for i, x in twists.items()}
-    forces = e.tree.forces(v, a, reactions=wrenches)
-    coupled = {i: ca.gradient(power, rate) for i, rate in v.items()}
-    forces = add(forces, {i: x for i, x in coupled.items() if not is_zero(x)})
-    return add(forces, add(e.tree.friction(v), e.tree.springs(v)))
+    dF_by_aa = sparse(tree.rates, tree.change_of_F(none, none, step))
+    return CheckedMatrix(e.projected(dF_by_aa), checks.unbalanced(dF_by_aa))
