@@ -325,7 +325,7 @@ def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
         width=width,
         along=along,
         once={},
-        checks=checks.of_rates + checks.solved(e.dv),
+        checks=checks.of_rates + checks.of_joint_accelerations(e.dv),
     )
 
 

@@ -56,7 +56,8 @@ class CasadiFunctions:
         self._compiled = compiled
         samples = sample_configurations(reference, near)
         self._equations = Equations(mechanism, samples, loaded, smooth=True)
-        self._equations.factors  # noqa: B018  (or says that the coordinates do not fix the motion)
+        # Chooses the pivots now: the constructor refuses coordinates that do not fix the motion.
+        self._Phi_u = self._equations.factors
         friction = replace(mechanism.friction, sign_width=sign_width)
         self._numbers = self._equations.parameters.pack(mechanism, friction)
         self._bodies = mechanism.model.njoints - 1 if loaded else 0
@@ -98,7 +99,9 @@ class CasadiFunctions:
     def q_rates(self) -> Function:
         """(q, va) -> q_dot, shape (nq,): rates of the entries of q, also of quaternions."""
         e = self._equations
-        return self._made("q_rates", {"q": e.q, "va": e.va}, {"q_dot": e.kinematics.q_rates(e.v)})
+        return self._with_numbers(
+            "q_rates", {"q": e.q, "va": e.va}, {"q_dot": e.kinematics.q_rates(e.v)}
+        )
 
     @cached_property
     def tangent(self) -> Function:
@@ -109,7 +112,7 @@ class CasadiFunctions:
         """
         e = self._equations
         columns = [e.kinematics.q_rates(L) for L in e.L]
-        return self._made("tangent", {"q": e.q}, {"T": ca.horzcat(*columns)})
+        return self._with_numbers("tangent", {"q": e.q}, {"T": ca.horzcat(*columns)})
 
     @cached_property
     def residual(self) -> Function:
@@ -122,16 +125,22 @@ class CasadiFunctions:
         (Bennett's linkage), all are combined to as many numbers as the loop has dependent rates.
         """
         e = self._equations
-        residuals = {i: e.rows[i].residual for i in sorted(e.factors.rows)}
-        # Residuals of rows that hold positions. Those of overconstrained parts are combined below.
-        of_positions = {i: row for i, row in residuals.items() if row is not None}
-        combined: list[SX] = []
-        for part in e.factors.parts:
+        # Rows on rates only have no residual.
+        of_rows: dict[int, SX] = {}
+        for i in sorted(self._Phi_u.rows):
+            residual = e.rows[i].residual
+            if residual is not None:
+                of_rows[i] = residual
+        # The rows of an orthogonal part are combined by least squares.
+        combined: dict[int, SX] = {}  # by dependent rate
+        rows_of_combined = set[int]()
+        for part in self._Phi_u.parts:
             if isinstance(part, Orthogonal):
-                of_part = {i: of_positions.pop(i) for i in part.rows if i in of_positions}
-                combined += part.solve(of_part).values()
-        gaps = [*of_positions.values(), *combined, *e.kinematics.unit_gaps]
-        return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
+                combined |= part.solve({i: of_rows[i] for i in part.rows if i in of_rows})
+                rows_of_combined.update(part.rows)
+        independent = [x for i, x in of_rows.items() if i not in rows_of_combined]
+        gaps = [*independent, *combined.values(), *e.kinematics.unit_gaps]
+        return self._with_numbers("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
 
     @cached_property
     def check(self) -> Function:
@@ -145,7 +154,7 @@ class CasadiFunctions:
         if self._equations.driven:
             of_motors = checks.of_motors
         verdicts = ca.vertcat(*checks.of_state, *checks.of_complement, *of_motors)
-        return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(verdicts)})
+        return self._with_numbers("check", {"q": self._equations.q}, {"c": ca.mmax(verdicts)})
 
     @cached_property
     def torques_check(self) -> Function:
@@ -158,18 +167,18 @@ class CasadiFunctions:
             ActuationError: As `torques`.
         """
         kernel = kernels.make(self._equations, "torques")
-        return self._made("torques_check", kernel.inputs, {"c": ca.mmax(kernel.checks)})
+        return self._with_numbers("torques_check", kernel.inputs, {"c": ca.mmax(kernel.checks)})
 
     @cached_property
     def torque_derivatives(self) -> Function:
         """(q, va, aa) -> dq, dva, daa: as `torque_derivatives` of the chain, shapes (n, n)."""
-        return self._function("torque_derivatives", "dq", "dva", "daa")
+        return self._derivatives("torque_derivatives", "dq", "dva", "daa")
 
     @cached_property
     def acceleration_derivatives(self) -> Function:
         """(q, va, tau) -> dq, dva, dtau: as `acceleration_derivatives` of the chain."""
         self._mechanism.require_mass()
-        return self._function("acceleration_derivatives", "dq", "dva", "dtau")
+        return self._derivatives("acceleration_derivatives", "dq", "dva", "dtau")
 
     @cached_property
     def step(self) -> Function:
@@ -182,7 +191,7 @@ class CasadiFunctions:
         nq = self.nq
         rate = self._function("state_rate", "rate")
         q_next = kernels.make(self._equations, "closing").output[:nq]
-        closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})
+        closed = self._with_numbers("closing", {"q": self._equations.q}, {"closed": q_next})
         sizes = {"q": nq, "va": self.n, "tau": self.motors, "dt": 1}
         q, va, tau, dt = (MX.sym(name, size) for name, size in sizes.items())
         loads = [MX.sym(WRENCHES, self._bodies, 6)] if self._bodies else []
@@ -199,60 +208,76 @@ class CasadiFunctions:
         """(q) -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
         e = self._equations
         point = e.kinematics.point(0, frame_named(self._mechanism.model, frame))
-        return self._made("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
+        return self._with_numbers("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
 
     def frame_jacobian(self, frame: str) -> Function:
         """(q) -> J, shape (6, n): the chain's `frame_jacobian` of a frame, by its name."""
         rows = kernels.make(self._equations, "frame_jacobian", frame=frame).output
         J = ca.reshape(rows, self.n, 6).T
-        return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})
+        return self._with_numbers("frame_jacobian", {"q": self._equations.q}, {"J": J})
 
     # --- inside -----------------------------------------------------------------------------
 
     @announced("casadi: deriving the equations")
-    def _function(self, kernel: str, *outputs: str) -> Function:
-        """A kernel as a function; one of derivatives has three results, side by side."""
-        expression = kernels.make(self._equations, kernel)
-        derivatives = len(outputs) > 1
-        parts = [expression.output]
-        if derivatives:
-            rows = ca.reshape(expression.output, -1, self.n).T
-            parts = ca.horzsplit(rows, [0, self.n, 2 * self.n, rows.shape[1]])
-        results = dict(zip(outputs, parts, strict=True))
-        return self._made(kernel, expression.inputs, results, order=0 if derivatives else 1)
+    def _function(self, quantity: str, output: str) -> Function:
+        """The function of a quantity, with a name for its result."""
+        kernel = kernels.make(self._equations, quantity)
+        return self._with_numbers(quantity, kernel.inputs, {output: kernel.output})
 
-    def _made(
-        self, name: str, inputs: dict[str, SX], outputs: dict[str, SX], order: int = 1
+    @announced("casadi: deriving the equations")
+    def _derivatives(self, quantity: str, by_q: str, by_va: str, by_last: str) -> Function:
+        """The function of three derivatives, with names for these."""
+        kernel = kernels.make(self._equations, quantity)
+        # The result of the kernel is the matrix [by_q, by_va, by_last], row by row.
+        side_by_side = ca.reshape(kernel.output, -1, self.n).T
+        starts = [0, self.n, 2 * self.n, side_by_side.shape[1]]
+        parts = ca.horzsplit(side_by_side, starts)
+        results = dict(zip((by_q, by_va, by_last), parts, strict=True))
+        return self._with_numbers(quantity, kernel.inputs, results, has_jacobian=False)
+
+    def _with_numbers(
+        self,
+        name: str,
+        inputs: dict[str, SX],
+        outputs: dict[str, SX],
+        *,
+        has_jacobian: bool = True,
     ) -> Function:
-        """A function with the numbers put in, compiled ones with derivatives up to an order.
+        """A function of expressions, with the present numbers of the robot for the symbols p.
 
-        It takes wrenches as the chain does, body by body.
+        It takes wrenches as the chain does, shape (bodies, 6). A compiled function can have a
+        compiled Jacobian.
         """
         symbols = [*inputs.values(), self._equations.p]
         results = [ca.densify(x) for x in outputs.values()]
-        expressions = Function(name, symbols, results, _OPTIONS)
-        arguments = dict(inputs)
-        values: list[SX] = list(inputs.values())
-        if WRENCHES in inputs:
-            arguments[WRENCHES] = SX.sym(WRENCHES, self._bodies, 6)
-            values[-1] = ca.vec(arguments[WRENCHES].T)
-        results = expressions.call([*values, SX(self._numbers)])
+        of_symbols = Function(name, symbols, results, _OPTIONS)
+        arguments: dict[str, SX] = {}
+        values: list[SX] = []  # of the inputs, from the arguments
+        for input_name, of_input in inputs.items():
+            if input_name == WRENCHES:
+                arguments[input_name] = SX.sym(WRENCHES, self._bodies, 6)
+                values.append(ca.vec(arguments[input_name].T))
+            else:
+                arguments[input_name] = of_input
+                values.append(of_input)
+        results = of_symbols.call([*values, SX(self._numbers)])
         names = list(arguments), list(outputs)
         function = Function(name, list(arguments.values()), results, *names, _OPTIONS)
         if not self._compiled:
             return function
-        return _compiled(self._mechanism.model.name, function, order)
+        return _compiled(self._mechanism.model.name, function, has_jacobian=has_jacobian)
 
 
-def _compiled(robot: str, function: Function, order: int) -> Function:
-    """A function as an external one, from the cache or compiled now, with a Jacobian if `order`."""
+def _compiled(robot: str, function: Function, *, has_jacobian: bool) -> Function:
+    """The function in compiled code, from the cache or compiled now, perhaps with a Jacobian."""
     name = function.name()
-    content = f"{order} {function.serialize()}".encode()
+    content = f"{int(has_jacobian)} {function.serialize()}".encode()
 
     def sources() -> list[str]:
         generator = ca.CodeGenerator(name)
-        for one in [function, function.jacobian()] if order else [function]:
-            generator.add(one)
+        generator.add(function)
+        if has_jacobian:
+            generator.add(function.jacobian())
         return [str(generator.dump())]
 
     library = libraries.load(robot, f"casadi_{name}", content, "scalar", sources)

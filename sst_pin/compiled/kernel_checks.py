@@ -51,7 +51,8 @@ from .elimination import Factors, total
 from .equations import Equations
 from .symbols import Sparse, add, column, is_zero
 
-#: Largest residual of the closures: half of the reference path's tolerance.
+#: Largest residual of the closures: half of the reference path's tolerance, so that the reference
+#: path accepts what kernels accept.
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Rounding of double precision, for which the thresholds are chosen.
 _DOUBLE = float(np.finfo(float).eps)
@@ -84,8 +85,11 @@ class _Probe(NamedTuple):
 class Checks:
     """Checks of one robot's kernels.
 
-    Checks with names `of_...` are those that quantities of one sort need; the methods check one
-    solution. All return lists, which are empty if there is nothing to check.
+    All return lists of checks, which are empty if there is nothing to check:
+
+    - `unsolved` and `unbalanced` check one linear solution;
+    - `redundant_in_accelerations` and `unsupplied` check one result beyond that;
+    - those with names `of_...`, and `massless`, are all checks of one part of a computation.
 
     Args:
         equations: The equations of the robot.
@@ -154,19 +158,24 @@ class Checks:
 
     @cached_property
     def _redundant(self) -> list[int]:
-        """Rows that solutions leave out, or fit by least squares."""
+        """Rows that solutions do not fulfil by themselves.
+
+        Elimination chooses as many rows as there are dependent rates, and solves these; it leaves
+        out the others. An `Orthogonal` part fits all of its rows by least squares.
+        """
         e = self._equations
-        exact = set[int]()
+        solved = set[int]()
         for part in e.factors.parts:
             if isinstance(part, Factors):
-                exact.update(part.rows)
-        return [i for i, row in enumerate(e.rows) if row.Phi and i not in exact]
+                solved.update(part.rows)
+        return [i for i, row in enumerate(e.rows) if row.Phi and i not in solved]
 
     @property
     def _largest_violation(self) -> float:
         """Largest violation of redundant rows, free of units.
 
-        `INCONSISTENT` is in multiples of the reference path's tolerance, twice `closed`.
+        `INCONSISTENT` is in multiples of the tolerance of the reference path. This is twice
+        `closed`: see `CLOSED`.
         """
         return 2 * INCONSISTENT * self._closed
 
@@ -237,7 +246,7 @@ class Checks:
         """The probe of Phi x = b, on the rows that elimination changes."""
         e = self._equations
         rows, _ = e.factors.changed
-        unit, s = _signs(rows, self._row_scale)
+        unit, s = _random_signs(rows, self._row_scale)
         s_Phi: Sparse = {}
         for i, sign in s.items():
             s_Phi = add(s_Phi, {j: sign * entry for j, entry in e.rows[i].Phi.items()})
@@ -248,7 +257,7 @@ class Checks:
         """The probe of Phi_u^T x = b, on the columns of Phi_u that elimination changes."""
         e = self._equations
         _, columns = e.factors.changed
-        unit, s = _signs(columns, self._rate_scale)
+        unit, s = _random_signs(columns, self._rate_scale)
         Phi_s: Sparse = {}
         for i in e.factors.rows:
             entry = total(s[j] * x for j, x in e.rows[i].Phi.items() if j in s)
@@ -259,19 +268,27 @@ class Checks:
     def _large_residual(
         self, probe: _Probe, x: Sparse, b: Mapping[int, Any], sizes: Iterable[Any]
     ) -> list[Any]:
-        """More than 1 where the residual of A x = b is too large for x, whose `sizes` have no unit.
+        """More than 1 where the residual r of A x = b is too large.
 
-        The condition is (s . r)^2 / bound^2 <= |x|^2 + negligible^2, without a division by |x|,
-        which may be zero.
+        The bound is |s . r| <= 30 eps |A| |x|, or negligible. It is compared in squares, without a
+        division by |x|, which may be zero:
+
+            ((s . r)^2 / (30 eps |A|)^2 - |x|^2) / negligible^2 <= 1.
+
+        Args:
+            probe: The vector s, and s^T A.
+            x: The solution.
+            b: The right side.
+            sizes: The entries of x, free of units.
         """
         terms = [entry * x[j] for j, entry in probe.sums.items() if j in x]
         terms += [-(sign * b[i]) for i, sign in probe.s.items() if i in b]
         if not terms:
             return []
-        # s is divided by the unit, so the bound is too.
-        roundings = _ROUNDINGS * self._rounding
-        bound = roundings * self._equations.pivots.norm / probe.unit
-        excess = (total(terms) / bound) ** 2 - total(size**2 for size in sizes)
+        s_r = total(terms)
+        # |A| is that of Phi_u, free of units. As s is divided by the probe's unit, so is the bound.
+        bound = _ROUNDINGS * self._rounding * self._equations.pivots.norm / probe.unit
+        excess = (s_r / bound) ** 2 - total(size**2 for size in sizes)
         return [excess / _NEGLIGIBLE**2]
 
     # --- the solutions that a quantity needs --------------------------------------------------
@@ -281,7 +298,7 @@ class Checks:
         """Checks that v solves Phi v = 0."""
         return self.unsolved(self._equations.v, {})
 
-    def solved(self, x: Sparse) -> list[Any]:
+    def of_joint_accelerations(self, x: Sparse) -> list[Any]:
         """Checks that accelerations x solve Phi x = -Phi_dot v, Eq. (8), in redundant rows too."""
         return self.unsolved(x, self._equations.drift) + self.redundant_in_accelerations(x)
 
@@ -302,7 +319,7 @@ class Checks:
     def of_forces(self) -> list[Any]:
         """Checks of all linear solutions in inverse dynamics."""
         e = self._equations
-        return self.of_rates + self.solved(e.dv) + self.unbalanced(e.tree_forces)
+        return self.of_rates + self.of_joint_accelerations(e.dv) + self.unbalanced(e.tree_forces)
 
     @property
     def of_accelerations(self) -> list[Any]:
@@ -311,7 +328,7 @@ class Checks:
         Its equations use the accelerations of the joints for aa = 0.
         """
         e = self._equations
-        return self.of_rates + self.solved(e.dv_without_aa) + self.of_complement
+        return self.of_rates + self.of_joint_accelerations(e.dv_without_aa) + self.of_complement
 
     # --- motors and mass ----------------------------------------------------------------------
 
@@ -343,32 +360,33 @@ class Checks:
 
     @property
     def massless(self) -> list[Any]:
-        """More than 1 where a pivot of the mass matrix is negative or too small.
+        """More than 1 where a pivot of the mass matrix A = L^T M L is negative or too small.
 
-        It is too small below rounding of its diagonal entry plus a part of the inertia of the whole
-        robot, which moves at the rate of its fastest joint for a unit rate of the coordinate. The
-        sum over all pivots is stricter than each by itself.
+        The pivot of coordinate k must be larger than
+
+            rounding A_kk + WITHOUT_MASS I |L e_k|^2.
+
+        The second term is a part of the inertia I of the whole robot: it moves as the joints do for
+        a unit rate of the coordinate. The sum over all pivots is stricter than each by itself.
         """
         e = self._equations
         factors = e.inertia_factors
         scale = self._rate_scale
-        least = WITHOUT_MASS * e.tree.whole_inertia
+        least_inertia = WITHOUT_MASS * e.tree.whole_inertia
         small = []
         for inverse, entry, L in zip(factors.inverses, factors.diagonal, e.L, strict=True):
-            fastest_squared = total((x / float(scale[j])) ** 2 for j, x in L.items())
-            least_pivot = self._coarseness * ROUNDING * entry + least * fastest_squared
+            L_squared = total((x / float(scale[j])) ** 2 for j, x in L.items())
+            least_pivot = self._coarseness * ROUNDING * entry + least_inertia * L_squared
             small.append(inverse * least_pivot)
         negative = total(ca.fabs(x) - x for x in factors.inverses)  # zero if all are positive
         return [1e30 * negative, total(small)]  # any negative pivot fails
 
 
-def _signs(places: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:
-    """`_Probe.unit`, and s at these places; the signs are the same at each call.
-
-    The unit is the first scale.
-    """
-    unit = 1.0
-    if places:
-        unit = float(scale[places[0]])
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=len(places))
-    return unit, {i: float(x * scale[i] / unit) for i, x in zip(places, signs, strict=True)}
+def _random_signs(indices: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:
+    """`_Probe.unit`, the first scale, and `_Probe.s`; the signs are the same at each call."""
+    if not indices:
+        return 1.0, {}
+    unit = float(scale[indices[0]])
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=len(indices))
+    s = {i: float(sign * scale[i] / unit) for i, sign in zip(indices, signs, strict=True)}
+    return unit, s

@@ -182,7 +182,7 @@ def _torque_regressor(e: Equations, checks: Checks) -> KernelParts:
     return KernelParts(
         inputs=_moving(e) | {"aa": e.aa},
         output=row_by_row(*bodies_and_joints, *joint_offsets, lines, *motor_offsets),
-        checks=checks.of_rates + checks.solved(e.dv) + checks.of_complement,
+        checks=checks.of_rates + checks.of_joint_accelerations(e.dv) + checks.of_complement,
     )
 
 
@@ -196,7 +196,7 @@ def _rates(e: Equations, checks: Checks) -> KernelParts:
 
 
 def _joint_accelerations(e: Equations, checks: Checks) -> KernelParts:
-    more = checks.of_rates + checks.solved(e.dv)
+    more = checks.of_rates + checks.of_joint_accelerations(e.dv)
     return KernelParts(_moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), more)
 
 
@@ -294,7 +294,7 @@ def _drift(e: Equations, checks: Checks, frame: str) -> KernelParts:
     return KernelParts(
         _moving(e),
         frame_velocities.drift(e, frame),
-        checks.of_rates + checks.solved(e.dv_without_aa),
+        checks.of_rates + checks.of_joint_accelerations(e.dv_without_aa),
     )
 
 
