@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99 for its own controller: no allocation, no library; some need C's `sqrt`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -33,12 +33,29 @@ from .symbolic_parameters import BODY, LINE, SymbolicParameters
 Precision = Literal["double", "single"]
 
 
-class _Function(NamedTuple):
-    """A function of the exported C: its kernel, and the name and meaning of its result."""
+class _CFunction(NamedTuple):
+    """A function of the exported C."""
+
+    #: Its declaration with its meaning, or a comment that says why there is no such function.
+    declaration: str
+    #: Empty if there is no such function.
+    definition: str = ""
+
+
+class _KernelFunction(NamedTuple):
+    """What the function of a kernel computes."""
 
     kernel: Name
+    #: Name of the result.
     output: str
     meaning: str
+
+
+class _Array(NamedTuple):
+    """An argument of a function in C."""
+
+    name: str
+    size: int
 
 
 _FORCES = "Generalized forces along the coordinates of a motion."
@@ -49,9 +66,10 @@ _STEP = """\
 A step of Newton's method that closes the loops and keeps the coordinates. Start with
  * measured coordinates and the previous q of the other joints, and call it with
  * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step."""
-#: How `robot_computed_torque` computes torques: without surplus motors, and with them.
+#: How `robot_computed_torque` computes torques, without surplus motors.
 _SMALLEST = "const int bad = robot_torques(q, va, aa, tau);"
-_WITHIN = """\
+#: The same with surplus motors: torques within the limits, if there are any.
+_WITHIN_LIMITS = """\
 for (int i = 0; i < COUNT; i++) {
         both[2 * i] = -limits[i];
         both[2 * i + 1] = limits[i];
@@ -59,14 +77,15 @@ for (int i = 0; i < COUNT; i++) {
     int bad = robot_limited_torques(q, va, aa, both, tau);
     if (bad)
         bad = robot_torques(q, va, aa, tau);"""
+#: The functions of kernels, by their names without "robot_".
 _FUNCTIONS = {
-    "torques": _Function("torques", "tau", "Torques of a motion."),
-    "forces": _Function("generalized_forces", "f", _FORCES),
-    "accelerations": _Function(
+    "torques": _KernelFunction("torques", "tau", "Torques of a motion."),
+    "forces": _KernelFunction("generalized_forces", "f", _FORCES),
+    "accelerations": _KernelFunction(
         "accelerations", "aa", "Accelerations of the coordinates by torques."
     ),
-    "actuator_jacobian": _Function("actuator_jacobian", "J", _JACOBIAN),
-    "assembly_step": _Function("closing", "q_next", _STEP),
+    "actuator_jacobian": _KernelFunction("actuator_jacobian", "J", _JACOBIAN),
+    "assembly_step": _KernelFunction("closing", "q_next", _STEP),
 }
 
 
@@ -115,50 +134,71 @@ def c_files(
     q = engine.loops.example()
     equations = Equations(mechanism, sample_configurations(engine.reference, q))
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
-    dynamics = "torques" if equations.driven else "forces"
-    functions = list(_functions(equations, dynamics, style))
-    code = "\n".join(definition for _, definition in functions if definition)
-    listed = "\n".join(_listed(equations.parameters, mechanism, numbers, style.suffix))
-    source = [
+    inverse_dynamics = "torques" if equations.driven else "forces"
+    functions = list(_functions(equations, inverse_dynamics, style))
+    blanks = _blanks(mechanism, q, inverse_dynamics, style)
+    blanks["size"] = len(numbers)
+    blanks["functions"] = "\n".join(function.declaration for function in functions)
+    folder = as_path(folder)
+    return {
+        folder / "robot.h": text_writer(c_code.filled("export/robot.h", blanks)),
+        folder / "robot.c": text_writer(_source(functions, equations, numbers, style)),
+        folder / "main.c": text_writer(c_code.filled("export/main.c", blanks)),
+    }
+
+
+def _source(
+    functions: Sequence[_CFunction], equations: Equations, numbers: Array, style: Style
+) -> str:
+    """The text of robot.c; `numbers` are the values of the symbolic parameters."""
+    code = "\n".join(function.definition for function in functions if function.definition)
+    listed = "\n".join(_listed(equations.parameters, equations.mechanism, numbers, style.suffix))
+    parts = [
         '#include "robot.h"\n',
         "#include <math.h>\n" if "SQUARE_ROOT(" in code else "",
         style.head + c_code.part("real.h"),
         f"{style.type} robot_parameters[{len(numbers)}] = {{\n{listed}\n}};\n",
         code,
     ]
-    about = _about(mechanism, q, dynamics, style)
-    about["size"] = len(numbers)
-    about["functions"] = "\n".join(declaration for declaration, _ in functions)
-    texts = {
-        "robot.h": c_code.filled("export/robot.h", about),
-        "robot.c": "\n".join(source),
-        "main.c": c_code.filled("export/main.c", about),
-    }
-    return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
+    return "\n".join(parts)
 
 
-def _functions(equations: Equations, dynamics: str, style: Style) -> Iterator[tuple[str, str]]:
-    """Declarations and definitions of all functions."""
+def _functions(equations: Equations, inverse_dynamics: str, style: Style) -> Iterator[_CFunction]:
+    """All functions; `inverse_dynamics` is "torques" or "forces"."""
     mechanism = equations.mechanism
     checks = Checks(equations, style.closed, style.rounding)
-    for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
-        try:
-            if problem := impossible(mechanism, _FUNCTIONS[name].kernel):
-                raise DescriptionError("compiled kernels", [problem])
-            kernel = kernels.make(equations, _FUNCTIONS[name].kernel, checks)
-            function = _FUNCTIONS[name]
-            yield _exported(name, kernel, style, function.output, function.meaning)
-        except DescriptionError as error:
-            yield f"/* There is no robot_{name}: {_comment(str(error))} */\n", ""
-    if dynamics == "torques":
+    for name in (inverse_dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
+        function = _FUNCTIONS[name]
+        if problem := impossible(mechanism, function.kernel):
+            why = str(DescriptionError("compiled kernels", [problem]))
+            yield _CFunction(f"/* There is no robot_{name}: {_comment(why)} */\n")
+        else:
+            kernel = kernels.make(equations, function.kernel, checks)
+            yield _of_kernel(name, kernel, style, function.output, function.meaning)
+    if inverse_dynamics == "torques":
         if _has_surplus(mechanism):
             yield _limited_torques(mechanism, style)
         yield _computed_torque(mechanism, style)
     if len(mechanism.motor_lines) and (mechanism.motor_lines >= 0).all():
-        meaning = "Lengths of the lines of the motors."
         lengths = _line_lengths(equations, checks)
-        yield _exported("line_lengths", lengths, style, "lengths", meaning)
+        meaning = "Lengths of the lines of the motors."
+        yield _of_kernel("line_lengths", lengths, style, "lengths", meaning)
         yield _unstretched_lengths(mechanism, style)
+
+
+def _head(name: str, inputs: Sequence[_Array], output: _Array, style: Style) -> str:
+    """The head of a function in C; empty inputs are left out."""
+    arguments = [f"const {style.type} {x.name}[{x.size}]" for x in inputs if x.size]
+    arguments.append(f"{style.type} {output.name}[{output.size}]")
+    return f"int robot_{name}({', '.join(arguments)})"
+
+
+def _by_hand(head: str, meaning: str, template: str, blanks: Mapping[str, object]) -> _CFunction:
+    """A function whose C is a template of the folder `c/export`."""
+    return _CFunction(
+        declaration=f"/* {meaning} */\n{head};\n",
+        definition=c_code.filled(f"export/{template}", {"head": head, **blanks}),
+    )
 
 
 def _has_surplus(mechanism: Mechanism) -> bool:
@@ -166,17 +206,20 @@ def _has_surplus(mechanism: Mechanism) -> bool:
     return len(mechanism.motor_names) > len(mechanism.coordinates)
 
 
-def _limited_torques(mechanism: Mechanism, style: Style) -> tuple[str, str]:
-    """Declaration and definition of `compute_torques(limits=)` in C."""
+def _limited_torques(mechanism: Mechanism, style: Style) -> _CFunction:
+    """`compute_torques(limits=)` in C."""
     n = len(mechanism.coordinates)
     motors = len(mechanism.motor_names)
-    arrays = [("q", mechanism.model.nq), ("va", n), ("aa", n), ("limits", 2 * motors)]
-    inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
-    head = f"int robot_limited_torques({inputs}, {style.type} tau[{motors}])"
+    inputs = [
+        _Array("q", mechanism.model.nq),
+        _Array("va", n),
+        _Array("aa", n),
+        _Array("limits", 2 * motors),
+    ]
+    head = _head("limited_torques", inputs, _Array("tau", motors), style)
     units = mechanism.rate_scale[mechanism.coordinates].tolist()
     double = style.type == "double"
     blanks = {
-        "head": head,
         "type": style.type,
         "n": n,
         "motors": motors,
@@ -190,7 +233,7 @@ def _limited_torques(mechanism: Mechanism, style: Style) -> tuple[str, str]:
         "Torques within limits of a motion, for surplus motors: the smallest ones, or those\n"
         " * nearest to them. limits: the least and the largest torque of each motor, in pairs."
     )
-    return f"/* {meaning} */\n{head};\n", c_code.filled("export/limited_torques.c", blanks)
+    return _by_hand(head, meaning, "limited_torques.c", blanks)
 
 
 def _line_lengths(equations: Equations, checks: Checks) -> kernels.SymbolicKernel:
@@ -199,18 +242,26 @@ def _line_lengths(equations: Equations, checks: Checks) -> kernels.SymbolicKerne
     lengths = [SX(lines[k].length) for k in equations.mechanism.motor_lines]
     output = ca.densify(ca.vertcat(*lengths))
     closed = ca.vertcat(*map(SX, checks.of_state))
-    return kernels.SymbolicKernel("line_lengths", {"q": equations.q}, equations.p, output, closed)
+    return kernels.SymbolicKernel(
+        name="line_lengths",
+        inputs={"q": equations.q},
+        parameters=equations.p,
+        output=output,
+        checks=closed,
+    )
 
 
-def _unstretched_lengths(mechanism: Mechanism, style: Style) -> tuple[str, str]:
-    """Declaration and definition of `control.unstretched_lengths` in C."""
+def _unstretched_lengths(mechanism: Mechanism, style: Style) -> _CFunction:
+    """`control.unstretched_lengths` in C."""
     motors = len(mechanism.motor_names)
-    arrays = [("q", mechanism.model.nq), ("tau", motors), ("stiffness", motors)]
-    inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
-    head = f"int robot_unstretched_lengths({inputs}, {style.type} lengths[{motors}])"
+    inputs = [
+        _Array("q", mechanism.model.nq),
+        _Array("tau", motors),
+        _Array("stiffness", motors),
+    ]
+    head = _head("unstretched_lengths", inputs, _Array("lengths", motors), style)
     factors = mechanism.lines.actuation[mechanism.motor_lines, np.arange(motors)].tolist()
     blanks = {
-        "head": head,
         "type": style.type,
         "motors": motors,
         "factors": ", ".join(f"{x!r}{style.suffix}" for x in factors),
@@ -221,84 +272,98 @@ def _unstretched_lengths(mechanism: Mechanism, style: Style) -> tuple[str, str]:
         "Lengths of the motors' cables without tension, which winches must unwind, for torques\n"
         " * with which all cables pull. stiffness: that of 1 m of each cable, positive, [N]."
     )
-    return f"/* {meaning} */\n{head};\n", c_code.filled("export/unstretched_lengths.c", blanks)
+    return _by_hand(head, meaning, "unstretched_lengths.c", blanks)
 
 
-def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[str, object]:
-    """Texts and numbers for the header and the example."""
+def _blanks(
+    mechanism: Mechanism, q: Array, inverse_dynamics: str, style: Style
+) -> dict[str, object]:
+    """Texts and numbers for the blanks of robot.h and main.c; q is that of the example."""
     n = len(mechanism.coordinates)
     motors = len(mechanism.motor_names)
-    at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
-    return {
-        **style._asdict(),
-        "closed": f"{style.closed:g}",
-        "angle": f"{style.angle:g}",
+    of_both: dict[str, object] = {
+        "type": style.type,
         "robot": _comment(mechanism.model.name),
         "nq": len(q),
         "n": n,
+    }
+    of_header: dict[str, object] = {
+        "closed": f"{style.closed:g}",
+        "angle": f"{style.angle:g}",
         "motors": motors,
         "q_names": _comment(", ".join(mechanism.space.position_names)),
         "coordinates": _comment(", ".join(mechanism.coordinate_rate_names)),
         "motor_names": _comment(", ".join(mechanism.motor_names)),
-        "meaning": _FUNCTIONS[dynamics].meaning.split(",")[0].removesuffix("."),
-        "name": dynamics,
-        "inputs": len(at_rest),
-        "outputs": motors if dynamics == "torques" else n,
-        "example": " ".join(map(repr, at_rest)),
     }
+    # main.c reads motions, a line for each: q, va, aa.
+    motion_at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
+    of_example: dict[str, object] = {
+        "name": inverse_dynamics,
+        "meaning": _FUNCTIONS[inverse_dynamics].meaning.removesuffix("."),
+        "inputs": len(motion_at_rest),
+        "outputs": motors if inverse_dynamics == "torques" else n,
+        "digits": style.digits,
+        "example": " ".join(map(repr, motion_at_rest)),
+    }
+    return of_both | of_header | of_example
 
 
-def _exported(
+def _of_kernel(
     name: str, kernel: kernels.SymbolicKernel, style: Style, output: str, meaning: str
-) -> tuple[str, str]:
-    """Declaration and definition of the function of a kernel, without arguments that are empty."""
-    inputs = 0
-    heads = []
-    copies = []
-    sizes = {x: symbols.numel() for x, symbols in kernel.inputs.items()}
-    for x, n in sizes.items():
-        if n:
-            heads.append(f"const {style.type} {x}[{n}], ")
-            copies.append(f"    for (int i = 0; i < {n}; i++)\n        x[{inputs} + i] = {x}[i];")
-        inputs += n
-    body = c_code.body(kernel, suffix=style.suffix)
+) -> _CFunction:
+    """The function of a kernel; `output` is the name of its result."""
+    inputs = [_Array(x, symbols.numel()) for x, symbols in kernel.inputs.items()]
+    nq = kernel.inputs["q"].numel()
     results = kernel.output.numel()
-    outputs = sizes["q"] if output == "q_next" else results
-    head = f"int robot_{name}({''.join(heads)}{style.type} {output}[{outputs}])"
+    # Of a closing step only q is returned, which comes first in the result of the kernel.
+    returned = nq if output == "q_next" else results
+    head = _head(name, inputs, _Array(output, returned), style)
+
+    # Statements that copy the arguments to the array x of the kernel, one after the other.
+    copies = []
+    start = 0
+    for x, size in inputs:
+        if size:
+            loop = f"    for (int i = 0; i < {size}; i++)"
+            copies.append(f"{loop}\n        x[{start} + i] = {x}[i];")
+        start += size
+
+    source = c_code.body(kernel, suffix=style.suffix)
     blanks = {
         "head": head,
         "name": kernel.name,
         "type": style.type,
-        "inputs": inputs,
-        "angles": sizes["q"],
+        "inputs": start,
+        "angles": nq,
         "copies": "\n".join(copies),
         "output": output,
-        "outputs": outputs,
+        "outputs": returned,
         "parameters": kernel.parameters.numel(),
-        "size": body.size,
-        "room": body.room,
-        "checks": results,
+        "size": source.size,
+        "room": source.room,
+        "checks": results,  # index of the first check
         "total": results + kernel.checks.numel(),
     }
-    text = f"{body.text}\n\n{c_code.filled('export/function.c', blanks)}"
-    return f"/* {meaning} */\n{head};\n", text
+    return _CFunction(
+        declaration=f"/* {meaning} */\n{head};\n",
+        definition=f"{source.text}\n\n{c_code.filled('export/function.c', blanks)}",
+    )
 
 
-def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
-    """Declaration and definition of `ComputedTorque` in C."""
+def _computed_torque(mechanism: Mechanism, style: Style) -> _CFunction:
+    """`ComputedTorque` in C."""
     model = mechanism.model
     joints = [model.joints[joint_id(model, name)] for name in mechanism.coordinate_names]
     if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         why = "a coordinate is no single number of q"
-        return f"/* There is no robot_computed_torque: {why} */\n", ""
+        return _CFunction(f"/* There is no robot_computed_torque: {why} */\n")
     n = len(joints)
     motors = len(mechanism.motor_names)
-    arrays = [("q", model.nq), *((name, n) for name in ("va", "x", "v", "a", "kp", "kd"))]
-    arrays.append(("limits", motors))
-    inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
-    head = f"int robot_computed_torque({inputs}, {style.type} tau[{motors}])"
+    inputs = [_Array("q", model.nq)]
+    inputs += [_Array(name, n) for name in ("va", "x", "v", "a", "kp", "kd")]
+    inputs.append(_Array("limits", motors))
+    head = _head("computed_torque", inputs, _Array("tau", motors), style)
     blanks = {
-        "head": head,
         "type": style.type,
         "n": n,
         "motors": motors,
@@ -309,15 +374,15 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
         "torques": _SMALLEST,
     }
     if _has_surplus(mechanism):
-        declared = f"{style.type} both[{2 * motors}];\n    "
-        blanks["torques"] = declared + _WITHIN.replace("COUNT", str(motors))
+        declaration = f"{style.type} both[{2 * motors}];\n    "
+        blanks["torques"] = declaration + _WITHIN_LIMITS.replace("COUNT", str(motors))
     meaning = (
         "Torques that follow a motion with feedback: errors e of the coordinates obey\n"
         " * e'' + kd e' + kp e = 0 for the model. x, v, a: wanted positions, rates and\n"
         " * accelerations of the coordinates; full turns count as no error. limits: the largest\n"
         " * torques of the motors."
     )
-    return f"/* {meaning} */\n{head};\n", c_code.filled("export/computed_torque.c", blanks)
+    return _by_hand(head, meaning, "computed_torque.c", blanks)
 
 
 def _listed(
@@ -325,19 +390,22 @@ def _listed(
 ) -> Iterator[str]:
     """Lines of the symbolic parameters, each with its index and meaning."""
     space = mechanism.space
-    names = mechanism.model.names
+    forces = mechanism.lines.forces
+    # Numbers of parameters and their meaning, in the order of `SymbolicParameters`.
     lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
     moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"
-    lines += [(BODY, f"{names[i]}: {moments}") for i in parameters.bodies]
-    for quantity, where in parameters.joints.items():
-        of = space.position_names if quantity == "spring_reference" else space.rate_names
-        lines += [(1, f"{quantity.replace('_', ' ')} of {of[k]}") for k in where]
-    numbers_of = "stiffness, rest length, damping, preload"
-    lines += [(LINE, f"line {force}: {numbers_of}") for force in mechanism.lines.forces]
-    masses = parameters.massive_lines
-    lines += [(1, f"line {mechanism.lines.forces[k]}: mass") for k in masses]
-    rubbing = parameters.dry_lines
-    lines += [(1, f"line {mechanism.lines.forces[k]}: dry friction") for k in rubbing]
+    for i in parameters.bodies:
+        lines.append((BODY, f"{mechanism.model.names[i]}: {moments}"))
+    for quantity, indices in parameters.joints.items():
+        names = space.position_names if quantity == "spring_reference" else space.rate_names
+        for k in indices:
+            lines.append((1, f"{quantity.replace('_', ' ')} of {names[k]}"))
+    for force in forces:
+        lines.append((LINE, f"line {force}: stiffness, rest length, damping, preload"))
+    for k in parameters.massive_lines:
+        lines.append((1, f"line {forces[k]}: mass"))
+    for k in parameters.dry_lines:
+        lines.append((1, f"line {forces[k]}: dry friction"))
     assert sum(size for size, _ in lines) == len(numbers), "a parameter has no line"
     start = 0
     for size, meaning in lines:
