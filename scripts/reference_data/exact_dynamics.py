@@ -2,125 +2,107 @@
 """Dynamics of a described robot in as many digits as one likes, by mpmath alone.
 
 Newton-Euler body by body in base axes, closures differentiated by hand, and the closures' forces
-as Lagrange multipliers. Nothing of `sst_pin`, Pinocchio or NumPy comes in. A twist is a pair
-(omega, v0) of the angular velocity and the velocity of the body's point at the base's origin.
+as Lagrange multipliers. Nothing of `sst_pin`, Pinocchio or NumPy comes in. `exact_algebra` says
+what vectors, placements and twists are.
 """
 
 from dataclasses import dataclass
 
-from mpmath import cos, matrix, mp, mpf, radians, sin, sqrt
+from mpmath import matrix, mpf, sqrt
 
-mp.dps = 60
-#: Pivots below this are those of redundant rows.
-REDUNDANT = mpf("1e-9")
+from exact_algebra import (
+    UNIT,
+    ZERO,
+    add,
+    composed,
+    cross,
+    dot,
+    independent_rows,
+    minus,
+    placement,
+    product,
+    rate_of_twist,
+    rotation_of,
+    scaled,
+    solve,
+    sum_of_twists,
+    times,
+    turn,
+    vector,
+)
+
+#: The largest residual of closed loops.
 CLOSED = mpf("1e-50")
-
-
-# --- vectors ------------------------------------------------------------------------------------
-
-
-def vector(values):
-    """Three numbers, decimals taken as they are printed."""
-    return [mpf(repr(value)) for value in values]
-
-
-def add(*vectors):
-    return [sum(parts) for parts in zip(*vectors, strict=True)]
-
-
-def scaled(factor, u):
-    return [factor * x for x in u]
-
-
-def minus(u, v):
-    return [x - y for x, y in zip(u, v, strict=True)]
-
-
-def dot(u, v):
-    return sum(x * y for x, y in zip(u, v, strict=True))
-
-
-def cross(u, v):
-    (a, b, c), (x, y, z) = u, v
-    return [b * z - c * y, c * x - a * z, a * y - b * x]
-
-
-def times(R, u):
-    return [dot(row, u) for row in R]
-
-
-def product(A, B):
-    columns = list(zip(*B, strict=True))
-    return [[dot(row, column) for column in columns] for row in A]
-
-
-def turn(axis, angle):
-    """Rodrigues' formula about a unit vector."""
-    x, y, z = axis
-    s, c = sin(angle), cos(angle)
-    d = 1 - c
-    return [
-        [c + d * x * x, d * x * y - s * z, d * x * z + s * y],
-        [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
-        [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
-    ]
-
-
-def of_quaternion(quaternion):
-    x, y, z, w = quaternion
-    return [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-
-
-UNIT = [[mpf(int(i == j)) for j in range(3)] for i in range(3)]
-ZERO = [mpf(0)] * 3
-
-
-def placement(record):
-    """Rotation and translation of a described placement."""
-    roll, pitch, yaw = (radians(mpf(repr(angle))) for angle in record["rpy_degrees"])
-    R = product(turn(UNIT[2], yaw), product(turn(UNIT[1], pitch), turn(UNIT[0], roll)))
-    return R, vector(record["xyz"])
-
-
-def moved(frame, at):
-    """A placement in a moved frame, in the base."""
-    (R, p), (S, s) = frame, at
-    return product(R, S), add(p, times(R, s))
-
-
-def bracket(V, S):
-    """Rate of a twist S that is fixed in a body of twist V."""
-    (omega, v), (a, m) = V, S
-    return cross(omega, a), add(cross(omega, m), cross(v, a))
-
-
-def combined(twists, factors):
-    """Sum of factor times twist."""
-    omega, v = ZERO, ZERO
-    for (a, m), factor in zip(twists, factors, strict=True):
-        omega, v = add(omega, scaled(factor, a)), add(v, scaled(factor, m))
-    return omega, v
-
-
-# --- the robot ----------------------------------------------------------------------------------
-
+#: Numbers of coordinates and of rates of each kind of joint.
 SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "universal": (2, 2)}
 SIZES |= {"spherical": (4, 3), "free-flyer": (7, 6)}
 
 
 @dataclass
 class Body:
-    """A body in motion: placement, twist and its rate, and the twists of its joint's rates."""
+    """A body in motion, in base axes.
+
+    Attributes:
+        at: Its placement.
+        V: Its twist.
+        A: The rate of its twist.
+        columns: Its twists for a rate of 1 of each rate of its joint.
+        mass_centre: A point.
+    """
 
     at: tuple
     V: tuple
     A: tuple
     columns: list
     mass_centre: list
+
+
+@dataclass
+class FrameMotion:
+    """A frame that moves with a body, in base axes.
+
+    Attributes:
+        at: Its placement.
+        linear: Velocities of its origin for a rate of 1 of each joint rate, nv vectors.
+        angular: Its angular velocities for a rate of 1 of each joint rate, nv vectors.
+        acceleration: The acceleration of its origin.
+        omega: Its angular velocity.
+        alpha: Its angular acceleration.
+    """
+
+    at: tuple
+    linear: list
+    angular: list
+    acceleration: list
+    omega: list
+    alpha: list
+
+
+@dataclass
+class Line:
+    """A spring and damper along a line between two frames, each (body, placement on it)."""
+
+    frame_a: tuple
+    frame_b: tuple
+    stiffness: mpf
+    rest_length: mpf
+    damping: mpf
+    preload: mpf
+
+
+@dataclass
+class ClosureRows:
+    """The equations of all closures.
+
+    Attributes:
+        residual: Their values.
+        J: Their derivatives by the joint rates, rows of nv numbers.
+        drift: Their second derivatives by time without J dv.
+    """
+
+    residual: list
+    J: list
+    drift: list
 
 
 class ExactRobot:
@@ -137,35 +119,45 @@ class ExactRobot:
         self.parents = [self.index.get(joint["parent"], -1) for joint in self.joints]
         self.placements = [placement(joint["placement"]) for joint in self.joints]
         self.axes = [[vector(axis) for axis in joint.get("axes", [])] for joint in self.joints]
-        self.start_q, self.start_v = [0], [0]
+        # Where the numbers of each joint begin in q and v.
+        self.start_q = [0]
+        self.start_v = [0]
         for joint in self.joints:
             nq, nv = SIZES[joint["type"]]
             self.start_q.append(self.start_q[-1] + nq)
             self.start_v.append(self.start_v[-1] + nv)
-        self.nq, self.nv = self.start_q[-1], self.start_v[-1]
+        self.nq = self.start_q[-1]
+        self.nv = self.start_v[-1]
         self.closures = [(c["kind"], *self._ends(c)) for c in record["closures"]]
         numbers = ("stiffness", "rest_length", "damping", "preload")
-        self.lines = [
-            (*self._ends(line), *(mpf(repr(line[x])) for x in numbers)) for line in record["forces"]
-        ]
+        self.lines = []
+        for line in record["forces"]:
+            frame_a, frame_b = self._ends(line)
+            values = {name: mpf(repr(line[name])) for name in numbers}
+            self.lines.append(Line(frame_a, frame_b, **values))
         self.coordinates = self._rates_of(record["coordinates"])
         self.motors = self._rates_of(record["motors"])
+        #: The dependent rates.
         self.others = [i for i in range(self.nv) if i not in self.coordinates]
 
     def _ends(self, pair):
-        """Body and placement of two frames."""
-        frames = pair["frame_a"], pair["frame_b"]
-        return [(self.index.get(f["joint"], -1), placement(f["placement"])) for f in frames]
+        """Two frames: for each the number of its body, -1 for the base, and its placement there."""
+        ends = []
+        for name in ("frame_a", "frame_b"):
+            frame = pair[name]
+            ends.append((self.index.get(frame["joint"], -1), placement(frame["placement"])))
+        return ends
 
     def _rates_of(self, names):
-        return [
-            i
-            for name in names
-            for i in range(self.start_v[self.index[name]], self.start_v[self.index[name] + 1])
-        ]
+        """Indices in v of the rates of joints."""
+        rates = []
+        for name in names:
+            i = self.index[name]
+            rates += range(self.start_v[i], self.start_v[i + 1])
+        return rates
 
     def _chain(self, body):
-        """The body and those that bear it."""
+        """The body and those that carry it."""
         while body >= 0:
             yield body
             body = self.parents[body]
@@ -174,69 +166,89 @@ class ExactRobot:
 
     def bodies(self, q, v, dv):
         """All bodies, at q with joint rates v and accelerations dv."""
-        found = []
-        still = Body((UNIT, ZERO), (ZERO, ZERO), (ZERO, ZERO), [], ZERO)
+        bodies = []
+        base = Body((UNIT, ZERO), (ZERO, ZERO), (ZERO, ZERO), [], ZERO)
         for i, joint in enumerate(self.joints):
-            carrier = found[self.parents[i]] if self.parents[i] >= 0 else still
-            own_q = q[self.start_q[i] : self.start_q[i + 1]]
+            carrier = bodies[self.parents[i]] if self.parents[i] >= 0 else base
+            q_of_joint = q[self.start_q[i] : self.start_q[i + 1]]
             rates = v[self.start_v[i] : self.start_v[i + 1]]
-            at = moved(carrier.at, self.placements[i])
-            V, A = carrier.V, carrier.A
-            columns = []
+            accelerations = dv[self.start_v[i] : self.start_v[i + 1]]
+            at = composed(carrier.at, self.placements[i])
             if joint["type"] in ("spherical", "free-flyer"):
-                local = of_quaternion(own_q[-4:])
-                at = moved(at, (local, own_q[:3] if joint["type"] == "free-flyer" else ZERO))
-                R, p = at
-                body_axes = list(zip(*R, strict=True))
-                if joint["type"] == "free-flyer":
-                    columns += [(ZERO, list(axis)) for axis in body_axes]
-                columns += [(list(axis), cross(p, axis)) for axis in body_axes]
-                V = combined([V, *columns], [1, *rates])
-                drifts = [bracket(V, S) for S in columns]
+                at, columns = self._free_joint(joint["type"], at, q_of_joint)
+                V = sum_of_twists([carrier.V, *columns], [1, *rates])
+                # The twists of the rates are fixed in the body.
+                drifts = [rate_of_twist(V, S) for S in columns]
             else:
+                # One axis after the other, each fixed in what the axes before it move.
+                columns = []
                 drifts = []
-                for axis, value, rate in zip(self.axes[i], own_q, rates, strict=True):
-                    R, p = at
-                    axis_in_base = times(R, axis)
-                    if joint["type"] == "prismatic":
-                        S = ZERO, axis_in_base
-                        at = R, add(p, scaled(value, axis_in_base))
-                    else:
-                        S = axis_in_base, cross(p, axis_in_base)
-                        at = product(R, turn(axis, value)), p
+                V = carrier.V
+                for axis, value, rate in zip(self.axes[i], q_of_joint, rates, strict=True):
+                    at, S = self._single_axis(joint["type"], at, axis, value)
                     columns.append(S)
-                    drifts.append(bracket(V, S))
-                    V = combined([V, S], [1, rate])
-            own_dv = dv[self.start_v[i] : self.start_v[i + 1]]
-            A = combined([A, *columns, *drifts], [1, *own_dv, *rates])
-            centre = moved(at, (UNIT, vector(joint["mass_centre"])))[1]
-            found.append(Body(at, V, A, columns, centre))
-        return found
+                    drifts.append(rate_of_twist(V, S))
+                    V = sum_of_twists([V, S], [1, rate])
+            A = sum_of_twists([carrier.A, *columns, *drifts], [1, *accelerations, *rates])
+            _, mass_centre = composed(at, (UNIT, vector(joint["mass_centre"])))
+            bodies.append(Body(at, V, A, columns, mass_centre))
+        return bodies
+
+    @staticmethod
+    def _free_joint(kind, at, q):
+        """The placement of the body of a ball joint or free-flyer, and the twists of its rates.
+
+        The rates are velocities and angular velocities in axes of the body.
+        """
+        translation = q[:3] if kind == "free-flyer" else ZERO
+        R, p = composed(at, (rotation_of(q[-4:]), translation))
+        body_axes = [list(axis) for axis in zip(*R, strict=True)]
+        columns = []
+        if kind == "free-flyer":
+            columns += [(ZERO, axis) for axis in body_axes]
+        columns += [(axis, cross(p, axis)) for axis in body_axes]
+        return (R, p), columns
+
+    @staticmethod
+    def _single_axis(kind, at, axis, value):
+        """The placement after a slide along or a turn about an axis, and the twist of its rate."""
+        R, p = at
+        axis_in_base = times(R, axis)
+        if kind == "prismatic":
+            return (R, add(p, scaled(value, axis_in_base))), (ZERO, axis_in_base)
+        return (product(R, turn(axis, value)), p), (axis_in_base, cross(p, axis_in_base))
 
     def line_forces(self, bodies, v):
         """Forces in all joints by which springs and dampers along lines pull, (nv,)."""
         forces = [mpf(0)] * self.nv
-        for a, b, stiffness, rest, damping, preload in self.lines:
-            (A, a_rates, *_), (B, b_rates, *_) = (self._frame_motion(bodies, *f) for f in (a, b))
-            way = minus(B[1], A[1])
-            length = sqrt(dot(way, way))
-            of_rates = [
-                dot(way, minus(y, x)) / length for x, y in zip(a_rates, b_rates, strict=True)
-            ]
-            tension = preload + stiffness * (length - rest) + damping * dot(of_rates, v)
-            forces = [f - tension * rate for f, rate in zip(forces, of_rates, strict=True)]
+        for line in self.lines:
+            a = self._frame_motion(bodies, *line.frame_a)
+            b = self._frame_motion(bodies, *line.frame_b)
+            a_to_b = minus(b.at[1], a.at[1])
+            length = sqrt(dot(a_to_b, a_to_b))
+            # The rate of the length for each joint rate.
+            length_rates = []
+            for velocity_a, velocity_b in zip(a.linear, b.linear, strict=True):
+                length_rates.append(dot(a_to_b, minus(velocity_b, velocity_a)) / length)
+            spring = line.stiffness * (length - line.rest_length)
+            tension = line.preload + spring + line.damping * dot(length_rates, v)
+            forces = [f - tension * rate for f, rate in zip(forces, length_rates, strict=True)]
         return forces
 
     def tree_forces(self, bodies, gravity):
         """Forces in all joints that the motion of the tree takes, (nv,)."""
         forces = [mpf(0)] * self.nv
         for i, (joint, body) in enumerate(zip(self.joints, bodies, strict=True)):
-            (omega, v), (alpha, a), c = body.V, body.A, body.mass_centre
-            at_centre = add(v, cross(omega, c))
-            acceleration = add(a, cross(alpha, c), cross(omega, at_centre))
+            omega, v = body.V
+            alpha, a = body.A
+            c = body.mass_centre
+            # Newton and Euler about the mass centre.
+            velocity = add(v, cross(omega, c))
+            acceleration = add(a, cross(alpha, c), cross(omega, velocity))
             f = scaled(mpf(repr(joint["mass"])), minus(acceleration, gravity))
             n = add(
-                self._turned(joint, body, alpha), cross(omega, self._turned(joint, body, omega))
+                self._inertia_times(joint, body, alpha),
+                cross(omega, self._inertia_times(joint, body, omega)),
             )
             moment = add(n, cross(c, f))  # about the base's origin
             for j in self._chain(i):
@@ -244,114 +256,145 @@ class ExactRobot:
                     forces[self.start_v[j] + k] += dot(axis, moment) + dot(m, f)
         return forces
 
-    def _turned(self, joint, body, u):
+    def _inertia_times(self, joint, body, u):
         """The body's inertia about its mass centre times a vector in base axes."""
         xx, yy, zz, xy, xz, yz = vector(joint["inertia"])
-        R = body.at[0]
-        inner = times([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], times(zip(*R, strict=True), u))
-        return times(R, inner)
+        inertia = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        R, _ = body.at
+        R_transposed = list(zip(*R, strict=True))
+        return times(R, times(inertia, times(R_transposed, u)))
 
     def energies(self, bodies):
         """Kinetic energy, and potential energy, zero with all masses at the origin."""
-        kinetic = potential = mpf(0)
+        kinetic = mpf(0)
+        potential = mpf(0)
         for joint, body in zip(self.joints, bodies, strict=True):
-            (omega, v), c, mass = body.V, body.mass_centre, mpf(repr(joint["mass"]))
-            at_centre = add(v, cross(omega, c))
-            kinetic += mass * dot(at_centre, at_centre) / 2
-            kinetic += dot(omega, self._turned(joint, body, omega)) / 2
-            potential -= mass * dot(self.gravity, c)
-        for a, b, stiffness, rest, _, preload in self.lines:
-            ends = [self._frame_motion(bodies, *frame)[0][1] for frame in (a, b)]
-            way = minus(*ends)
-            drawn = sqrt(dot(way, way)) - rest
-            potential += stiffness * drawn**2 / 2 + preload * drawn
+            omega, v = body.V
+            mass = mpf(repr(joint["mass"]))
+            velocity = add(v, cross(omega, body.mass_centre))
+            kinetic += mass * dot(velocity, velocity) / 2
+            kinetic += dot(omega, self._inertia_times(joint, body, omega)) / 2
+            potential -= mass * dot(self.gravity, body.mass_centre)
+        for line in self.lines:
+            a = self._frame_motion(bodies, *line.frame_a)
+            b = self._frame_motion(bodies, *line.frame_b)
+            b_to_a = minus(a.at[1], b.at[1])
+            extension = sqrt(dot(b_to_a, b_to_a)) - line.rest_length
+            potential += line.stiffness * extension**2 / 2 + line.preload * extension
         return kinetic, potential
 
     # --- closures ---------------------------------------------------------------------------
 
     def rows(self, bodies):
-        """Residual, Jacobian and, for bodies with dv = 0, drift of the closures."""
-        residual, J, drift = [], [], []
-        for kind, *frames in self.closures:
-            seen = [self._frame_motion(bodies, *frame) for frame in frames]
-            (A, a), (B, b) = ((motion[0], motion[1:]) for motion in seen)
-            rows = [minus(y, x) for x, y in zip(a[0], b[0], strict=True)]  # of each rate
-            turns = [minus(y, x) for x, y in zip(a[1], b[1], strict=True)]
-            residual += minus(B[1], A[1])
-            J += [[row[k] for row in rows] for k in range(3)]
-            drift += minus(b[2], a[2])
-            if kind == "3d":
-                continue
-            x, y, z = (list(axis) for axis in zip(*A[0], strict=True))
-            X, Y, Z = (list(axis) for axis in zip(*B[0], strict=True))
-            alpha = minus(b[3], a[3])
+        """The equations of all closures; their drift is that of bodies with dv = 0."""
+        rows = ClosureRows([], [], [])
+        for kind, frame_a, frame_b in self.closures:
+            a = self._frame_motion(bodies, *frame_a)
+            b = self._frame_motion(bodies, *frame_b)
+            self._add_position_rows(rows, a, b)
             if kind == "6d":
-                small = add(cross(x, X), cross(y, Y), cross(z, Z))
-                residual += scaled(mpf(1) / 2, small)
-                J += [[row[k] for row in turns] for k in range(3)]
-                drift += alpha
+                self._add_weld_rows(rows, a, b)
             elif kind == "hinge":
-                small = cross(z, Z)
-                omega = minus(b[4], a[4])
-                for axis in (x, y):
-                    residual.append(dot(axis, small))
-                    J.append([dot(axis, row) for row in turns])
-                    drift.append(dot(axis, alpha) + dot(cross(a[4], axis), omega))
-            else:
+                self._add_hinge_rows(rows, a, b)
+            elif kind != "3d":
                 raise ValueError(f"closure {kind}")
-        return residual, J, drift
+        return rows
+
+    @staticmethod
+    def _add_position_rows(rows, a, b):
+        """The origins of A and B coincide."""
+        differences = [minus(y, x) for x, y in zip(a.linear, b.linear, strict=True)]
+        rows.residual += minus(b.at[1], a.at[1])
+        rows.J += [[velocity[k] for velocity in differences] for k in range(3)]
+        rows.drift += minus(b.acceleration, a.acceleration)
+
+    @staticmethod
+    def _add_weld_rows(rows, a, b):
+        """The axes of A and B coincide: half the sum of their cross products is zero.
+
+        Near zero this is the vector of the small rotation from A to B.
+        """
+        axes_a = zip(*a.at[0], strict=True)
+        axes_b = zip(*b.at[0], strict=True)
+        crosses = [cross(x, y) for x, y in zip(axes_a, axes_b, strict=True)]
+        differences = [minus(y, x) for x, y in zip(a.angular, b.angular, strict=True)]
+        rows.residual += scaled(mpf(1) / 2, add(*crosses))
+        rows.J += [[omega[k] for omega in differences] for k in range(3)]
+        rows.drift += minus(b.alpha, a.alpha)
+
+    @staticmethod
+    def _add_hinge_rows(rows, a, b):
+        """The z axes are parallel: z_a x z_b has no component along the axes x and y of A."""
+        x_a, y_a, z_a = (list(axis) for axis in zip(*a.at[0], strict=True))
+        _, _, z_b = (list(axis) for axis in zip(*b.at[0], strict=True))
+        small_rotation = cross(z_a, z_b)
+        differences = [minus(y, x) for x, y in zip(a.angular, b.angular, strict=True)]
+        omega = minus(b.omega, a.omega)
+        alpha = minus(b.alpha, a.alpha)
+        for axis in (x_a, y_a):
+            rows.residual.append(dot(axis, small_rotation))
+            rows.J.append([dot(axis, difference) for difference in differences])
+            # The axis turns with A.
+            rows.drift.append(dot(axis, alpha) + dot(cross(a.omega, axis), omega))
 
     def _frame_motion(self, bodies, body, local):
-        """Placement, velocity and turn per rate, accelerations of origin and axes, omega."""
-        linear, angular = ([ZERO] * self.nv for _ in range(2))
+        """The motion of a frame at a placement on a body; -1 is the base."""
+        linear = [ZERO] * self.nv
+        angular = [ZERO] * self.nv
         if body < 0:
-            return local, linear, angular, ZERO, ZERO, ZERO
-        at = moved(bodies[body].at, local)
-        p = at[1]
+            return FrameMotion(local, linear, angular, acceleration=ZERO, omega=ZERO, alpha=ZERO)
+        at = composed(bodies[body].at, local)
+        _, p = at
         for j in self._chain(body):
             for k, (axis, m) in enumerate(bodies[j].columns):
                 angular[self.start_v[j] + k] = axis
                 linear[self.start_v[j] + k] = add(m, cross(axis, p))
-        (omega, v), (alpha, a) = bodies[body].V, bodies[body].A
-        acceleration = add(a, cross(alpha, p), cross(omega, add(v, cross(omega, p))))
-        return at, linear, angular, acceleration, alpha, omega
+        omega, v = bodies[body].V
+        alpha, a = bodies[body].A
+        velocity = add(v, cross(omega, p))
+        acceleration = add(a, cross(alpha, p), cross(omega, velocity))
+        return FrameMotion(at, linear, angular, acceleration, omega=omega, alpha=alpha)
 
     def moved_from(self, home, step):
         """A closed configuration: from a closed one along a motion of the coordinates."""
         zero = [mpf(0)] * self.nv
-        _, J, _ = self.rows(self.bodies(home, zero, zero))
-        rows = independent_rows(J)
-        rates = self._completed([J[r] for r in rows], step, [mpf(0)] * len(rows))
+        J = self.rows(self.bodies(home, zero, zero)).J
+        independent = independent_rows(J)
+        rates = self._completed([J[r] for r in independent], step, [mpf(0)] * len(independent))
         q = self._stepped(home, rates)
         for _ in range(30):  # Newton's method, shortest steps
-            residual, J, _ = self.rows(self.bodies(q, zero, zero))
-            if max(map(abs, residual), default=0) < CLOSED:
+            rows = self.rows(self.bodies(q, zero, zero))
+            if max(map(abs, rows.residual), default=0) < CLOSED:
                 return q
-            A = matrix([J[r] for r in rows])
-            step = A.T * solve(A * A.T, [-residual[r] for r in rows])
+            A = matrix([rows.J[r] for r in independent])
+            step = A.T * solve(A * A.T, [-rows.residual[r] for r in independent])
             q = self._stepped(q, list(step))
-        raise ArithmeticError(f"open by {max(map(abs, residual))}")
+        raise ArithmeticError(f"open by {max(map(abs, rows.residual))}")
 
     def _stepped(self, q, step):
+        """q after a small step of all rates; quaternions to first order, then normalised."""
         q = list(q)
         for i, joint in enumerate(self.joints):
-            own, rates = self.start_q[i], step[self.start_v[i] : self.start_v[i + 1]]
+            start = self.start_q[i]
+            rates = step[self.start_v[i] : self.start_v[i + 1]]
+            if joint["type"] == "free-flyer":
+                R = rotation_of(q[start + 3 : start + 7])
+                q[start : start + 3] = add(q[start : start + 3], times(R, rates[:3]))
+                start += 3
+                rates = rates[3:]
             if joint["type"] in ("spherical", "free-flyer"):
-                if joint["type"] == "free-flyer":
-                    R = of_quaternion(q[own + 3 : own + 7])
-                    q[own : own + 3] = add(q[own : own + 3], times(R, rates[:3]))
-                    own, rates = own + 3, rates[3:]
-                x, y, z, w = q[own : own + 4]
+                x, y, z, w = q[start : start + 4]
                 u = [x, y, z]
                 half = scaled(mpf(1) / 2, rates)
-                q[own : own + 3] = add(u, scaled(w, half), cross(u, half))
-                q[own + 3] = w - dot(u, half)
+                q[start : start + 3] = add(u, scaled(w, half), cross(u, half))
+                q[start + 3] = w - dot(u, half)
             else:
                 for k, rate in enumerate(rates):
-                    q[own + k] += rate
+                    q[start + k] += rate
         return self._normalized(q)
 
     def _normalized(self, q):
+        """q with unit quaternions."""
         q = list(q)
         for i, joint in enumerate(self.joints):
             if joint["type"] in ("spherical", "free-flyer"):
@@ -364,20 +407,22 @@ class ExactRobot:
     def state(self, q, va, aa):
         """Everything about a motion of the coordinates at a closed q, as a `Motion`."""
         zero = [mpf(0)] * self.nv
-        _, J, _ = self.rows(self.bodies(q, zero, zero))
-        rows = independent_rows(J)
-        J = [J[r] for r in rows]
-        v = self._completed(J, va, [mpf(0)] * len(rows))
-        _, _, drift = self.rows(self.bodies(q, v, zero))
-        dv = self._completed(J, aa, [drift[r] for r in rows])
-        _, _, moved_on = self.rows(self.bodies(q, v, dv))
-        assert max(map(abs, moved_on), default=0) < mpf("1e-40"), (
+        J_of_all_rows = self.rows(self.bodies(q, zero, zero)).J
+        independent = independent_rows(J_of_all_rows)
+        J = [J_of_all_rows[r] for r in independent]
+        v = self._completed(J, va, [mpf(0)] * len(independent))
+        drift_of_all_rows = self.rows(self.bodies(q, v, zero)).drift
+        drift = [drift_of_all_rows[r] for r in independent]
+        dv = self._completed(J, aa, drift)
+        # With this dv, the second derivatives of all equations are zero.
+        second_derivatives = self.rows(self.bodies(q, v, dv)).drift
+        assert max(map(abs, second_derivatives), default=0) < mpf("1e-40"), (
             "redundant rows must hold by themselves"
         )
-        return Motion(self, q, v, dv, J, [drift[r] for r in rows])
+        return Motion(self, q, v, dv, J, drift)
 
     def _completed(self, J, of_coordinates, drift):
-        """Rates of all joints from those of the coordinates."""
+        """All joint rates v with J v + drift = 0, from those of the coordinates."""
         rates = [mpf(0)] * self.nv
         for i, value in zip(self.coordinates, of_coordinates, strict=True):
             rates[i] = value
@@ -387,6 +432,7 @@ class ExactRobot:
         return rates
 
     def _of_others(self, J):
+        """The columns of the dependent rates."""
         return matrix([[row[i] for i in self.others] for row in J])
 
 
@@ -408,19 +454,28 @@ class Motion:
         forces = robot.tree_forces(bodies, gravity)
         if lines:
             forces = minus(forces, robot.line_forces(bodies, v))
+        # No motor drives a dependent joint, so the multipliers m of the closures give its force:
+        # (J^T m)_i = f_i.
         multipliers = solve(robot._of_others(self.J).T, [forces[i] for i in robot.others])
-        return [
-            forces[i] - sum(row[i] * m for row, m in zip(self.J, multipliers, strict=True))
-            for i in robot.coordinates
-        ]
+        along_coordinates = []
+        for i in robot.coordinates:
+            force_of_closures = sum(row[i] * m for row, m in zip(self.J, multipliers, strict=True))
+            along_coordinates.append(forces[i] - force_of_closures)
+        return along_coordinates
+
+    def _unit_motions(self):
+        """All joint rates for a rate of 1 of each coordinate, n lists of nv numbers."""
+        n = len(self.robot.coordinates)
+        no_drift = [mpf(0)] * len(self.J)
+        motions = []
+        for i in range(n):
+            unit = [mpf(int(i == j)) for j in range(n)]
+            motions.append(self.robot._completed(self.J, unit, no_drift))
+        return motions
 
     def _motor_rates(self):
         """Rates of the motors for unit rates of the coordinates, (n, motors)."""
-        robot, n = self.robot, len(self.robot.coordinates)
-        still = [mpf(0)] * len(self.J)
-        units = [[mpf(int(i == j)) for j in range(n)] for i in range(n)]
-        rates = [robot._completed(self.J, unit, still) for unit in units]
-        return matrix([[row[i] for i in robot.motors] for row in rates])
+        return matrix([[v[i] for i in self.robot.motors] for v in self._unit_motions()])
 
     def torques(self):
         """Motor torques, the smallest where there are more motors than freedoms."""
@@ -430,47 +485,19 @@ class Motion:
 
     def accelerations(self, torques):
         """Accelerations of the coordinates under given torques."""
-        robot, n = self.robot, len(self.robot.coordinates)
-        rest = robot._completed(self.J, [mpf(0)] * n, self.drift)
-        bias = self.generalized_forces(self.v, rest, robot.gravity)
-        zero, still = [mpf(0)] * robot.nv, [mpf(0)] * len(self.J)
-        units = [[mpf(int(i == j)) for j in range(n)] for i in range(n)]
-        columns = [
-            self.generalized_forces(zero, robot._completed(self.J, unit, still), ZERO, False)
-            for unit in units
-        ]
+        robot = self.robot
+        zero = [mpf(0)] * robot.nv
+        # The forces without accelerations of the coordinates, and those of the accelerations alone,
+        # which are the columns of the inertia matrix.
+        without_aa = robot._completed(self.J, [mpf(0)] * len(robot.coordinates), self.drift)
+        bias = self.generalized_forces(self.v, without_aa, robot.gravity)
+        columns = []
+        for dv in self._unit_motions():
+            columns.append(self.generalized_forces(zero, dv, ZERO, lines=False))
         supplied = self._motor_rates() * matrix(torques)
         return list(solve(matrix(columns).T, minus(list(supplied), bias)))
 
     def energies(self):
+        """Kinetic and potential energy."""
         robot = self.robot
         return robot.energies(robot.bodies(self.q, self.v, self.dv))
-
-
-# --- linear algebra -----------------------------------------------------------------------------
-
-
-def independent_rows(J):
-    """Indices of rows that carry the rank, by elimination with full pivoting."""
-    left = {i: list(row) for i, row in enumerate(J)}
-    chosen = []
-    while left:
-        size, i, k = max(
-            ((abs(x), i, k) for i, row in left.items() for k, x in enumerate(row)),
-            key=lambda entry: entry[0],
-        )
-        if size < REDUNDANT:
-            break
-        chosen.append(i)
-        pivot = left.pop(i)
-        for row in left.values():
-            factor = row[k] / pivot[k]
-            row[:] = [x - factor * y for x, y in zip(row, pivot, strict=True)]
-    return sorted(chosen)
-
-
-def solve(A, b):
-    """The solution of a regular system."""
-    if not b:
-        return []
-    return mp.lu_solve(A, matrix(b))
