@@ -144,40 +144,44 @@ class MjcfEqualities:
         return float(np.linalg.norm(b - a))
 
     def _add_coupling(self, coupling: Coupling) -> None:
-        """Add the position of a joint as a sum of polynomials of others.
+        """Add a coupling: follower = offset + sum of p_j(q_j).
 
-        The follower is offset + sum of p_j(q_j). MuJoCo has a polynomial of one joint only, the
-        argument. So at most one p_j may be nonlinear, and the linear others go to the left side:
+        MuJoCo has a polynomial of one joint only, the argument. So at most one p_j may be
+        nonlinear, and the slopes of the linear others go to the left side:
 
             follower - sum of slope_j q_j over the others = polynomial of the argument.
 
         A left side with several joints is a tendon.
         """
-        rows = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
-        # The argument: the joint that is not linear, or the first if all are; none if the follower
-        # is constant.
-        arguments = [name for name, powers in rows.items() if len(powers) > 2]
-        if not arguments:
-            arguments = list(rows)[:1]
-        degree = max((len(powers) for powers in rows.values()), default=0) - 1
+        polynomials = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
+        nonlinear = [name for name, powers in polynomials.items() if len(powers) > 2]
+        degree = max((len(powers) for powers in polynomials.values()), default=0) - 1
         known = {joint.name for joint in self._document.joints}
-        if len(arguments) > 1 or degree > _MAX_DEGREE or not known >= {*rows}:
+        if len(nonlinear) > 1 or degree > _MAX_DEGREE or not known >= {*polynomials}:
             text = "MuJoCo has polynomials of one joint, up to the fourth power"
             self._refuse(f"coupling {coupling}: {text}")
             return
-        polynomial = np.zeros(_MAX_DEGREE + 1)
-        polynomial[0] = coupling.offset + sum(powers[0] for powers in rows.values() if len(powers))
-        for name in arguments:
-            polynomial[1 : len(rows[name])] = rows[name][1:]
+
+        # The argument: the joint that is not linear, or the first if all are; none if the follower
+        # is constant.
+        arguments = nonlinear or list(polynomials)[:1]
         left_side = {coupling.joint: 1.0}
-        for name, powers in rows.items():
-            if name not in arguments and len(powers) > 1:
+        right_side = np.zeros(_MAX_DEGREE + 1)  # coefficients, the constant first
+        right_side[0] = coupling.offset
+        for name, powers in polynomials.items():
+            if not len(powers):
+                continue
+            right_side[0] += powers[0]
+            if name in arguments:
+                right_side[1 : len(powers)] = powers[1:]
+            elif len(powers) > 1:
                 left_side[name] = -powers[1]
+
         if len(left_side) == 1:
-            self._add_polynomial("joint", [coupling.joint, *arguments], polynomial.tolist())
+            self._add_polynomial("joint", [coupling.joint, *arguments], right_side.tolist())
             return
         count = len(self._document.root.findall("tendon/fixed"))
         sides = [self._document.add_sum_tendon(f"sum_{count}", left_side)]
         for name in arguments:
             sides.append(self._document.add_sum_tendon(f"sum_{count + 1}", {name: 1.0}))
-        self._add_polynomial("tendon", sides, polynomial.tolist())
+        self._add_polynomial("tendon", sides, right_side.tolist())

@@ -27,75 +27,97 @@ class FrameMotion(NamedTuple):
 def closure_rows(
     mechanism: Mechanism, frame: Callable[[str], FrameMotion], q: Array, v: Array
 ) -> tuple[Array, Array]:
-    """Phi, shape (rows, nv), and Phi_dot v, shape (rows,), of all closures."""
+    """Phi, shape (rows, nv), and Phi_dot v, shape (rows,), of all closures.
+
+    `frame` returns the motion of a frame of the model, by its name, at q with the rates v.
+    """
     rows = [np.empty((0, mechanism.model.nv))]
     drifts = [np.empty(0)]
     for closure in mechanism.closures:
         if isinstance(closure, Coupling):
             row, drift = _coupling(mechanism.model, closure, q, v)
-        elif isinstance(closure, Brake) and closure.frames is None:
+        elif isinstance(closure, Brake) and closure.frames is None:  # of a joint
             (rate,) = mechanism.space.rates_of([closure.name])
             row = np.eye(mechanism.model.nv)[[rate]]
             drift = np.zeros(1)
         else:
             frame_a, frame_b = frames_of(closure)
-            row, drift = _relative(closure, frame(frame_a), frame(frame_b))
+            motion = _relative_motion(frame(frame_a), frame(frame_b))
+            row, drift = _rows_of_frames(closure, motion)
         rows.append(row)
         drifts.append(drift)
     return np.vstack(rows), np.concatenate(drifts)
 
 
-def _relative(
-    closure: Closure | Distance | Rolling | Brake, A: FrameMotion, B: FrameMotion
-) -> tuple[Array, Array]:
-    """Rows G [r_dot; w] of the position r and the angular velocity w of B in the axes of A.
+class _RelativeMotion(NamedTuple):
+    """The motion of a frame B as seen from the moving axes of a frame A, in these axes."""
 
-    G moves with r and with the axes of B, which w turns. The second result is the part of the
-    derivative of G [r_dot; w] that does not depend on the accelerations.
-    """
-    R_a = A.placement.rotation
-    d = B.placement.translation - A.placement.translation  # in base axes, as the next ones
+    r: Array  #: Position of B's origin, shape (3,).
+    R: Array  #: Orientation of B, shape (3, 3).
+    r_dot: Array
+    w: Array  #: Angular velocity of B.
+    J: Array  #: Jacobian, shape (6, nv): [r_dot; w] = J v.
+    drift: Array  #: J_dot v, shape (6,): [r_ddot; w_dot] without accelerations of the joints.
+
+
+def _relative_motion(A: FrameMotion, B: FrameMotion) -> _RelativeMotion:
+    """The motion of B as seen from A."""
+    # In base axes: the velocity of B, minus the velocity of A's body at the origin of B.
+    d = B.placement.translation - A.placement.translation
     omega_a = A.twist[3:]
-
-    # Jacobian of [r_dot; w]: the motion of B minus the motion of A's body at the origin of B.
     J = B.J - A.J
-    J[:3] += pin.skew(d) @ A.J[3:]
+    J[:3] += pin.skew(d) @ A.J[3:]  # minus omega_a x d
     velocity = B.twist[:3] - A.twist[:3] - np.cross(omega_a, d)
-    spin = B.twist[3:] - omega_a
+    angular_velocity = B.twist[3:] - omega_a
 
     # Accelerations relative to the moving axes of A: without Euler, centrifugal and Coriolis terms.
     acceleration = B.drift[:3] - A.drift[:3]
     acceleration -= np.cross(A.drift[3:], d)
     acceleration -= np.cross(omega_a, np.cross(omega_a, d) + 2 * velocity)
-    angular_acceleration = B.drift[3:] - A.drift[3:] - np.cross(omega_a, spin)
+    angular_acceleration = B.drift[3:] - A.drift[3:] - np.cross(omega_a, angular_velocity)
 
     # All of these in the axes of A.
-    r = R_a.T @ d
-    R = R_a.T @ B.placement.rotation
-    r_dot = R_a.T @ velocity
-    w = R_a.T @ spin
-    J = np.vstack([R_a.T @ J[:3], R_a.T @ J[3:]])
-    drift = np.concatenate([R_a.T @ acceleration, R_a.T @ angular_acceleration])
+    to_a = A.placement.rotation.T
+    return _RelativeMotion(
+        r=to_a @ d,
+        R=to_a @ B.placement.rotation,
+        r_dot=to_a @ velocity,
+        w=to_a @ angular_velocity,
+        J=np.vstack([to_a @ J[:3], to_a @ J[3:]]),
+        drift=np.concatenate([to_a @ acceleration, to_a @ angular_acceleration]),
+    )
 
-    if isinstance(closure, (Distance, Brake)):
-        G = np.concatenate([r, np.zeros(3)])[None]
-        G_dot = np.concatenate([r_dot, np.zeros(3)])[None]
+
+def _rows_of_frames(
+    closure: Closure | Distance | Rolling | Brake, motion: _RelativeMotion
+) -> tuple[Array, Array]:
+    """The rows G [r_dot; w] = 0 of a closure of two frames: Phi = G J, and Phi_dot v.
+
+    G depends on r and R, so that Phi_dot v = G (J_dot v) + G_dot [r_dot; w].
+    """
+    if isinstance(closure, (Distance, Brake)):  # r . r_dot = 0
+        G = np.concatenate([motion.r, np.zeros(3)])[None]
+        G_dot = np.concatenate([motion.r_dot, np.zeros(3)])[None]
     elif isinstance(closure, Rolling):
-        G, G_dot = _rolling(closure, R[:, 2], np.cross(w, R[:, 2]))
+        axle = motion.R[:, 2]
+        G, G_dot = _rolling(closure, axle, np.cross(motion.w, axle))
     else:
-        G, G_dot = _fixed_directions(closure, R, w)
-    return G @ J, G @ drift + G_dot @ np.concatenate([r_dot, w])
+        G, G_dot = _fixed_directions(closure, motion.R, motion.w)
+    velocity = np.concatenate([motion.r_dot, motion.w])
+    return G @ motion.J, G @ motion.drift + G_dot @ velocity
 
 
 def _fixed_directions(closure: Closure, R: Array, w: Array) -> tuple[Array, Array]:
-    """G and its rate of a closure that fixes some directions.
+    """G and its rate of a closure that fixes some components of [r_dot; w].
 
     R is the orientation of B in A, w its angular velocity in the axes of A.
     """
     fixed = np.array(closure.held)
     G = np.eye(6)[fixed]
     G_dot = np.zeros((fixed.sum(), 6))
-    if fixed[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
+    if fixed[3:].sum() == 1:
+        # Instead of this component of w, an axis a of A and an axis b of B stay at a right angle:
+        # the rate of a . b is a . (w x b) = -(a x b) . w.
         k = int(np.flatnonzero(fixed[3:])[0])
         a = _EYE[(k + 1) % 3]
         b = R[:, (k + 2) % 3]
@@ -105,14 +127,16 @@ def _fixed_directions(closure: Closure, R: Array, w: Array) -> tuple[Array, Arra
 
 
 def _rolling(closure: Rolling, axle: Array, axle_dot: Array) -> tuple[Array, Array]:
-    """G and its rate for the velocity r_dot - radius w x up of the point of contact.
+    """G and its rate of a wheel or a ball that rolls on a plane.
 
-    `up` is the unit vector from this point to the centre of the wheel.
+    The velocity of the point of contact is zero: r_dot - radius w x up = 0, with the unit vector
+    `up` from this point to the centre of the wheel.
     """
     normal = _EYE[2]  # of the plane
     up = normal
     up_dot = np.zeros(3)
-    if not closure.ball:  # up is the part of the normal at a right angle to the axle
+    if not closure.ball:
+        # In a wheel, up is the part g of the normal at a right angle to the axle, normalised.
         g = normal - normal @ axle * axle
         g_dot = -(normal @ axle_dot) * axle - normal @ axle * axle_dot
         size = np.linalg.norm(g)
@@ -125,7 +149,12 @@ def _rolling(closure: Rolling, axle: Array, axle_dot: Array) -> tuple[Array, Arr
 
 
 def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[Array, Array]:
-    """The row of a coupling, sum of polynomials of joints minus the joint, and its drift."""
+    """The row of a coupling and its drift.
+
+    The sum of polynomials P_j(q_j) minus the position of the dependent joint is constant; this
+    joint has the polynomial P(x) = -x here. So the row has the entries P_j'(q_j), and the drift is
+    the sum of P_j''(q_j) v_j^2.
+    """
     row = np.zeros((1, model.nv))
     drift = 0.0
     for name, polynomial in {closure.joint: (0.0, -1.0), **closure.polynomials}.items():
