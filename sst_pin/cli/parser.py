@@ -13,11 +13,20 @@ Option: TypeAlias = tuple[list[str], dict[str, Any]]
 
 
 class Command:
-    """A command: its name, the module with its function, its help and its options."""
+    """A command of `sst-pin`."""
 
     def __init__(
         self, usage: str, module: str, text: str, *options: Option, more: str = ""
     ) -> None:
+        """Describe a command.
+
+        Args:
+            usage: Its name and its most important arguments, as the help shows them.
+            module: The module of this room that has a function with the name of the command.
+            text: What the command does, in a few words.
+            options: Its options and arguments, by `option`.
+            more: Further lines of the help.
+        """
         self.name = usage.partition(" ")[0]
         self.usage = usage
         self.module = module
@@ -27,7 +36,14 @@ class Command:
 
 
 def option(spec: str, text: str, kind: Callable[[str], Any] = str, **how: Any) -> Option:
-    """An option such as "-o, --output FILE", a flag such as "--all", an argument "file FILE"."""
+    """An option such as "-o, --output FILE", a flag such as "--all", an argument "file FILE".
+
+    Args:
+        spec: The names and, unless it is a flag, the value as the help shows it.
+        text: What it means, for the help.
+        kind: The function that reads the value.
+        how: Other arguments of `ArgumentParser.add_argument`.
+    """
     if " " not in spec:
         return [spec], {"help": text, "action": "store_true", **how}
     names, _, metavar = spec.rpartition(" ")

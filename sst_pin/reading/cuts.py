@@ -286,8 +286,8 @@ class _Spring(NamedTuple):
 
 def _spring(joint: str, value: Any) -> _Spring:
     """The spring of a joint."""
-    stiffness, reference = numbers_in(value, stiffness=None, reference="0")
-    return _Spring(stiffness, reference)
+    numbers = numbers_in(value, required=["stiffness"], defaults={"reference": 0.0})
+    return _Spring(numbers["stiffness"], numbers["reference"])
 
 
 def _limit(joint: str, value: Any) -> dict[str, float]:
@@ -304,8 +304,8 @@ def _limit(joint: str, value: Any) -> dict[str, float]:
 def _rotor(joint: str, value: Any) -> float:
     """The inertia of the rotor of a joint, reflected to the joint by the gear."""
     fields = value if isinstance(value, dict) else {"rotor_inertia": value}
-    inertia, gear_ratio = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
-    return inertia * gear_ratio**2
+    numbers = numbers_in(fields, required=["rotor_inertia"], defaults={"gear_ratio": 1.0})
+    return numbers["rotor_inertia"] * numbers["gear_ratio"] ** 2
 
 
 def _friction(joint: str, value: Any) -> float:

@@ -121,16 +121,16 @@ def _urdf(path: str | Path, cuts: Path | None, model: str | None) -> Report:
 
 def _with_files_beside(urdf: reading.Urdf, cuts: Path | None) -> Report:
     """The report on the robot of a URDF, its YAML and its SRDF."""
-    srdf = str(Path(urdf.source).with_suffix(".srdf"))
-    where = "cuts"
     try:
         content = reading.read_cuts(urdf, cuts)
-        where = "file"
+    except SSTError as caught:
+        return Report(_errors_of(caught, "cuts"), "")
+    srdf = str(Path(urdf.source).with_suffix(".srdf"))
+    try:
         robot = reading.closed_robot(urdf, content)
     except SSTError as caught:
-        if str(caught).startswith(srdf):  # errors begin with the file
-            where = "srdf"
-        return Report(_errors_of(caught, where), "")
+        is_about_srdf = str(caught).startswith(srdf)  # errors begin with the file
+        return Report(_errors_of(caught, "srdf" if is_about_srdf else "file"), "")
     report = _robot(robot)
     summary = report.summary
     if robot.open_tree:

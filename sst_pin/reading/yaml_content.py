@@ -3,7 +3,7 @@
 
 import reprlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import accumulate
 from typing import Any, TypeVar
@@ -174,16 +174,21 @@ def _guess(key: str, keys: Collection[str], same_meaning: Mapping[str, str]) -> 
     return f"; do you mean {meant}" if meant else ""
 
 
-def numbers_in(value: Any, **defaults: str | None) -> list[float]:
-    """Numbers of a mapping, in the order of `defaults`; None means that there is no default.
+def numbers_in(
+    value: Any, required: Sequence[str], defaults: Mapping[str, float]
+) -> dict[str, float]:
+    """Numbers of a mapping by key: required ones, and others that have a default.
 
     A ValueError for unknown keys and for missing numbers.
     """
-    fields = {**defaults, **mapping_in(value, defaults)}
-    for key, number in fields.items():
-        if number is None:
+    fields = mapping_in(value, (*required, *defaults))
+    for key in required:
+        if key not in fields:
             raise ValueError(f"{shown(value)} has no {key}")
-    return [number_in(number, key) for key, number in fields.items()]
+    numbers_by_key = dict(defaults)
+    for key, number in fields.items():
+        numbers_by_key[key] = number_in(number, key)
+    return numbers_by_key
 
 
 def shown(value: Any) -> str:
