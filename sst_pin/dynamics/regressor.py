@@ -218,7 +218,7 @@ def _of_lines(context: Context, q: Array, v: Array, v_dot: Array) -> Array:
     }
     L_J = J.dot(context.complement.L).T
     columns = [L_J * tensions[word] for word in OF_LINE]  # each (n, lines)
-    return np.stack(columns, axis=-1).reshape(len(L_J), -1)
+    return np.stack(columns, axis=-1).reshape(len(L_J), len(OF_LINE) * len(rates))
 
 
 def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
@@ -231,9 +231,9 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
         tree.model, context.data, context.loops.q, S.dot(v), S.dot(v_dot)
     )
     Y_tree = Y_tree.reshape(tree.model.nv, -1)  # Pinocchio gives a vector for one rate
-    by_body = S.dot(L).T.dot(Y_tree).reshape(n, -1, len(OF_BODY))
+    by_body = S.dot(L).T.dot(Y_tree).reshape(n, tree.model.njoints - 1, len(OF_BODY))
     order = np.array(tree.bodies[1:]) - 1  # bodies of the robot in the order of its tree
-    return by_body[:, order].reshape(n, -1)
+    return by_body[:, order].reshape(n, len(order) * len(OF_BODY))
 
 
 def changed(

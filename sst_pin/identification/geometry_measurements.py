@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, as_array, positive_number
+from ..arrays import Array, as_array, finite_array, positive_number
 from ..errors import InputError
 from ..loops.frame_guide import rotations
 from ..loops.vectors import skew
@@ -104,9 +104,10 @@ class Measurement(ABC):
 
     def count(self, coordinates: int) -> int:
         """N; raises an error unless x has a row of coordinates for each value."""
-        angles = as_array("x", self.x, (coordinates,))
-        if angles.ndim != 2:
-            raise InputError("x", f"shape {angles.shape}, expected (N, {coordinates})")
+        angles = finite_array("x", self.x, (coordinates,))
+        if angles.ndim != 2 or not len(angles):
+            expected = f"(N, {coordinates}), with a row for each value"
+            raise InputError("x", f"shape {angles.shape}, expected {expected}")
         return len(angles)
 
     @property

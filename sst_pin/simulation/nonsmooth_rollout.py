@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, as_array, positive_number, whole_number
+from ..arrays import Array, Indices, as_array, finite_array, positive_number, whole_number
 from ..dynamics.impulses import SOLVED
 from ..dynamics.nonsmooth_rows import NonsmoothRows, motor_gains
 from ..dynamics.nonsmooth_step import NonsmoothArrays
@@ -113,7 +113,8 @@ def nonsmooth_rollout(
     if motor_positions is None:
         positions = _motor_positions(engine, rows, arguments.q0)[..., None, :]
     else:
-        positions = as_array("motor_positions", motor_positions, (motors,))
+        checked = finite_array if arguments.raises else as_array
+        positions = checked("motor_positions", motor_positions, (motors,))
         if positions.ndim == 1:
             positions = positions[None]
     if positions.shape[-2] not in (1, steps):

@@ -351,3 +351,10 @@ def test_closing_the_loops_keeps_braked_joints_where_they_are():
     # Two brakes at positions that contradict each other give way.
     both = chain.with_brakes(["crank", "rocker"]).assemble(guess)
     assert np.abs(chain.residual(both)).max() < 1e-10
+
+
+def test_the_regressor_of_a_held_robot_has_a_column_for_each_parameter_and_no_row():
+    bar = robots.four_bar()
+    line = LineForce("universe", "rocker_pin", stiffness=2.0, coulomb_friction=1.0)
+    held = ClosedChain(bar.model, bar.closures, ["crank"], lines=[line], brakes=["crank"])
+    assert held.torque_regressor(bar.home, [], []).shape == (0, len(held.dynamic_parameters.names))

@@ -154,6 +154,14 @@ def test_errors_that_a_urdf_cannot_store_are_known_before():
     assert not [name for name in places if name.endswith("_Y")]
 
 
+@pytest.mark.parametrize("x", [np.zeros((0, 1)), np.full((3, 1), np.nan)], ids=["none", "nan"])
+def test_positions_of_the_coordinates_are_needed_and_finite(x):
+    bar = sst_pin.robots.four_bar()
+    poses = sst_pin.identification.Poses("coupler_pin", x, np.zeros((len(x), 3)))
+    with pytest.raises(sst_pin.InputError, match=r"\bx: "):
+        sst_pin.identification.calibrate_with(bar, [poses])
+
+
 def test_errors_that_do_not_settle_are_refused(monkeypatch):
     """A four-bar's noise of 24 mm and errors that the poses hardly tell apart: steps go on."""
     model = planar(DRAG_LINK)

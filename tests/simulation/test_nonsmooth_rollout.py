@@ -387,3 +387,9 @@ def test_a_batch_without_motions_or_steps_has_the_shapes_of_a_smooth_one(fast):
         assert motion.q.shape == smooth.q.shape
         assert motion.va.shape == smooth.va.shape
         assert motion.residual.shape == (*smooth.q.shape[:-2], smooth.q.shape[-2] - 1)
+
+
+def test_positions_that_motors_hold_are_finite():
+    bar, gains = robots.four_bar(), {"motor_stiffness": [1.0], "motor_positions": [np.inf]}
+    with pytest.raises(sst_pin.InputError, match=r"motor_positions: entry .* is inf"):
+        bar.rollout(np.zeros((1, 1)), bar.home, [0.0], 1e-3, nonsmooth=True, **gains)
