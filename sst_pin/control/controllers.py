@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,14 @@ from ..simulation.coordinate_motions import positions_along
 from ..simulation.samples import spline
 from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import listed
+
+
+class _Errors(NamedTuple):
+    """Desired minus actual values, and the desired accelerations, each of shape (n,)."""
+
+    positions: Array
+    rates: Array
+    desired_accelerations: Array
 
 
 class Controller(ABC):
@@ -85,18 +94,20 @@ class Controller(ABC):
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors without limits."""
 
-    def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
-        """Errors of positions, without full turns, and of rates, and desired accelerations.
-
-        An error is the desired value minus the actual one.
-        """
+    def _errors(self, t: float, q: Array, va: Array) -> _Errors:
+        """Errors at a time; those of angles are without full turns."""
         t_in_motion = self._time_in_motion(t)
         positions = positions_of(self.chain.mechanism.space, q, self.chain.coordinates)
         error = self._path(t_in_motion) - positions
         error[self._is_angle] = in_one_turn(error[self._is_angle])
-        if t == t_in_motion:
-            return error, self._rates(t) - va, self._accelerations(t)
-        return error, -va, np.zeros_like(va)  # before or after the motion: hold
+        is_in_motion = t == t_in_motion
+        if is_in_motion:
+            desired_rates = self._rates(t)
+            desired_accelerations = self._accelerations(t)
+        else:  # before or after the motion: hold
+            desired_rates = np.zeros_like(va)
+            desired_accelerations = np.zeros_like(va)
+        return _Errors(error, desired_rates - va, desired_accelerations)
 
     def _time_in_motion(self, t: float) -> float:
         """The time, clipped to the interval of the motion."""
@@ -148,8 +159,9 @@ class ComputedTorque(_Feedback):
     """
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate, desired = self._errors(t, q, va)
-        aa = desired + self.kd * rate + self.kp * error
+        errors = self._errors(t, q, va)
+        aa = errors.desired_accelerations
+        aa = aa + self.kd * errors.rates + self.kp * errors.positions
         return self.chain.compute_torques(q, va, aa)
 
 
@@ -165,10 +177,10 @@ class GravityPD(_Feedback):
     """
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate, _ = self._errors(t, q, va)
+        errors = self._errors(t, q, va)
         zero = np.zeros_like(va)
         hold = self.chain.compute_torques(q, zero, zero)
-        return hold + self._motor_torques(q, self.kp * error + self.kd * rate)
+        return hold + self._motor_torques(q, self.kp * errors.positions + self.kd * errors.rates)
 
 
 class TrackingLQR(Controller):
@@ -232,14 +244,15 @@ class TrackingLQR(Controller):
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         t_in_motion = self._time_in_motion(t)
-        error, rate, _ = self._errors(t, q, va)
+        errors = self._errors(t, q, va)
         if t < t_in_motion:  # before the motion
             tau = self._holding[0]
         elif t > t_in_motion:  # after it
             tau = self._holding[1]
         else:
             tau = self._torques_of_motion(t)
-        return tau + self._gains_at(t_in_motion) @ np.concatenate([error, rate])
+        feedback = self._gains_at(t_in_motion) @ np.concatenate([errors.positions, errors.rates])
+        return tau + feedback
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:

@@ -182,6 +182,8 @@ class SerialView(Linkage):
         Raises:
             InputError: For a wrong shape, or tau where a motor is on a line.
         """
+        # Near the set point, at a distance dx of the joints, the motors give tau - k J dx, and the
+        # joints J^T (tau - k J dx). The gain is minus the slope of this by dx.
         J = self.actuator_jacobian(q)
         K = J.mT @ _matrix(gains, len(self.motors)) @ J
         return K if tau is None else K - self._slope(q, tau)
@@ -200,6 +202,7 @@ class SerialView(Linkage):
         Raises:
             InputError: See `joint_gains`.
         """
+        # The inverse of `joint_gains`: K = J^T k J minus the slope of J^T tau.
         J_inverse = np.linalg.pinv(self.actuator_jacobian(q))
         K = _matrix(gains, len(self.joints))
         if tau is not None:

@@ -51,8 +51,8 @@ class SmoothPath:
         `x` are continuous positions of the coordinates, those in q lie within one turn. They differ
         by another number of turns where a joint passes the end of its turn.
         """
-        turns = x - positions_of(self._space, q, self._chain.coordinates)
-        passes_end = np.abs(np.diff(turns, axis=0)) > 1
+        full_turns = x - positions_of(self._space, q, self._chain.coordinates)
+        passes_end = np.abs(np.diff(full_turns, axis=0)) > 1
         is_large = np.abs(np.diff(x, axis=0)) > np.pi / 2
         passes_twice = passes_end[1:] & passes_end[:-1]
         if (passes_end & is_large).any() or passes_twice.any():
@@ -67,8 +67,9 @@ class SmoothPath:
         )
         q = guess
         if chain.closures:
-            resting_states = np.hstack([guess, np.zeros_like(x)])
-            q = chain.engine.state_space(0.0).closed(resting_states)
+            no_rates = np.zeros_like(x)
+            states = np.hstack([guess, no_rates])  # as the state space has them: (q, va)
+            q = chain.engine.state_space(0.0).closed(states)
         lengths = np.array(self._space.position_units) == "m"
         gaps = np.abs(q - guess) / np.where(lengths, chain.mechanism.length, 1.0)
         if gaps.max() > _OPEN:

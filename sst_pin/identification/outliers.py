@@ -73,6 +73,7 @@ def without_outliers(log: Array, positions: int, cutoff: float) -> CleanedLog:
         substitutes = curve.copy()
         torques = values[:, positions:]
         substitutes[:, positions:] = median_filter(torques, (_MEDIAN_SAMPLES, 1), mode="nearest")
+        # A torque must be far from both, the curve and the median.
         deviations = np.minimum(deviations, np.abs(values - substitutes))
 
         least = _LEAST_DEVIATION * np.ptp(curve, axis=0)

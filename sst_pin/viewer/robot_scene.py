@@ -85,7 +85,7 @@ class Scene:
         model = robot.mechanism.model
         self._model = model
         self._data = model.createData()  # for `_joints` only
-        self.start = start_of(robot.engine, chosen=True)
+        self.start = start_of(robot.engine, chosen=True)  # without a warning that home is missing
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
 
         # Shapes of the bodies, and the size of the robot, which is that of these shapes.
