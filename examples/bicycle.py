@@ -16,8 +16,11 @@ from pinocchio.rpy import rpyToMatrix
 import sst_pin
 from sst_pin import plots
 
-WHEELBASE, TRAIL, TILT = 1.02, 0.08, np.pi / 10  # [m], [m], angle of the steer axis [rad]
-REAR_RADIUS, FRONT_RADIUS = 0.3, 0.35  # [m]
+WHEELBASE = 1.02  # [m]
+TRAIL = 0.08  # [m]
+TILT = np.pi / 10  # angle of the steer axis [rad]
+REAR_RADIUS = 0.3  # [m]
+FRONT_RADIUS = 0.35  # [m]
 STABLE = (4.29238253634111, 6.02426201538837)  # weave and capsize speed of the paper [m/s]
 COORDINATES = ["roll", "rear_wheel", "steer"]
 

@@ -20,7 +20,8 @@ HOOKS = [(-0.15, 0.1), (0.15, 0.1), (0.15, -0.1), (-0.15, -0.1)]  # on the platf
 
 def cable_robot() -> sst_pin.ClosedChain:
     """The platform moves along x and z and tilts; each cable pulls it to a post."""
-    model, platform = pin.Model(), 0
+    model = pin.Model()
+    platform = 0
     model.name = "cable_robot"
     joints = {"x": pin.JointModelPX(), "z": pin.JointModelPZ(), "tilt": pin.JointModelRY()}
     for name, joint in joints.items():
@@ -52,7 +53,8 @@ def main() -> None:
     from matplotlib.figure import Figure
 
     robot = cable_robot()
-    x, z = np.linspace(-0.9, 0.9, 61), np.linspace(-0.6, 0.6, 41)
+    x = np.linspace(-0.9, 0.9, 61)
+    z = np.linspace(-0.6, 0.6, 41)
     poses = sst_pin.reach_map(robot, "platform", TENSIONS, x=x, z=z, pitch=0.0)
     s = np.linspace(0, 1, 101)
     path = np.stack([0 * s, 0.8 * s - 0.4, 0.25 * np.sin(np.pi * s) - 0.2], axis=-1)

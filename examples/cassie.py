@@ -71,7 +71,8 @@ def mjcf(floor: float | None = None) -> str:
         )
         bodies[name] = body
     for side, end in product(("left", "right"), FOOT):
-        foot, at = bodies[f"{side}-foot"], _text(FOOT[end])
+        foot = bodies[f"{side}-foot"]
+        at = _text(FOOT[end])
         ET.SubElement(foot, "site", name=f"{side}-{end}", pos=at)
         if floor is not None:
             ET.SubElement(foot, "geom", size=_text([SOLE]), pos=at)
@@ -82,7 +83,8 @@ def mjcf(floor: float | None = None) -> str:
     for side in ("left", "right"):
         for end in ("achilles-spring", "plantar-foot"):
             joint = joints[f"{side}-{end}-joint"]
-            first, second = joint.findtext("child"), joint.findtext("parent")
+            first = joint.findtext("child")
+            second = joint.findtext("parent")
             anchor = _text(_pose(joint).translation)
             ET.SubElement(closures, "connect", body1=first, body2=second, anchor=anchor)
     motors = ET.SubElement(root, "actuator")

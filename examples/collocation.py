@@ -62,7 +62,8 @@ class Transcription:
     def __init__(self, chain: sst_pin.ClosedChain, start: ArrayLike, intervals: int) -> None:
         self._start = np.asarray(start, dtype=float)
         self._coordinates = [chain.position_names.index(name) for name in chain.coordinates]
-        n, points = chain.degrees_of_freedom, DEGREE * intervals
+        n = chain.degrees_of_freedom
+        points = DEGREE * intervals
         self.opti = opti = ca.Opti()
         self.duration = opti.variable()
         self.q = opti.variable(len(self._start), points)
@@ -78,7 +79,8 @@ class Transcription:
         for j in range(DEGREE):
             turned = _slope(angles, self._start[self._coordinates], slopes[:, j])
             gained = _slope(self.va, np.zeros(n), slopes[:, j])
-            q, va = self.q[:, j::DEGREE], self.va[:, j::DEGREE]
+            q = self.q[:, j::DEGREE]
+            va = self.va[:, j::DEGREE]
             opti.subject_to(ca.vec(turned - step * va) == 0)
             opti.subject_to(ca.vec(dynamics(q, va, gained / step, self.tau)) == 0)
 
@@ -143,7 +145,8 @@ class Transcription:
 def point_equations(chain: sst_pin.ClosedChain) -> ca.Function:
     """What is zero at a point: (q, va, aa, tau) to the equations of motion and of the closures."""
     functions = chain.casadi()
-    n, nq = chain.degrees_of_freedom, len(chain.position_names)
+    n = chain.degrees_of_freedom
+    nq = len(chain.position_names)
     q, va, aa, tau = (ca.SX.sym(*x) for x in (("q", nq), ("va", n), ("aa", n), ("tau", n)))
     equations = ca.vertcat(functions.torques(q, va, aa) - tau, functions.residual(q))
     return ca.Function("point", [q, va, aa, tau], [equations])

@@ -19,7 +19,9 @@ from scipy.interpolate import make_interp_spline
 import sst_pin
 from adaptive import Adaptive
 
-PERIOD, CIRCLE, CIRCLES = 1e-3, np.pi / 6, 10
+PERIOD = 1e-3
+CIRCLE = np.pi / 6
+CIRCLES = 10
 #: Steps of an encoder in a turn; first-order filter of the rates, [s].
 COUNTS, FILTER = 2**17, 2e-3
 #: Limits of the motors, [N m]; friction of each joint of the machine, [N m s/rad] and [N m].
@@ -45,7 +47,8 @@ class Machine:
         self.model.dof_frictionloss[:] = DRY * friction
         self.data = mujoco.MjData(self.model)
         self._steps = round(PERIOD / self.model.opt.timestep)
-        self._body, self._push = self.model.body(body).id, np.array(push)
+        self._body = self.model.body(body).id
+        self._push = np.array(push)
 
     def start(self, q, v):
         """Put the machine into a state; quaternions of MuJoCo begin with w."""
@@ -66,16 +69,16 @@ class Machine:
 
 def xml_of(chain):
     """A chain of hinges, universal joints and balls with point closures as MJCF, without shapes."""
-    model, axes = (
-        chain.model,
-        {"JointModelRY": ["0 1 0"], "JointModelUniversal": ["1 0 0", "0 1 0"]},
-    )
+    model = chain.model
+    axes = {"JointModelRY": ["0 1 0"], "JointModelUniversal": ["1 0 0", "0 1 0"]}
 
     def numbers(*x):
         return " ".join(map(repr, np.ravel(x).tolist()))
 
     def body(k):
-        name, at, inertia = model.names[k], model.jointPlacements[k], model.inertias[k]
+        name = model.names[k]
+        at = model.jointPlacements[k]
+        inertia = model.inertias[k]
         kind = model.joints[k].shortname()
         parts = [
             f'<joint name="{name}{i or ""}" axis="{axis}"/>'
@@ -160,14 +163,21 @@ def controllers(robot, motion, limit=LIMIT, inertia=1.0, learning=0.1):
 
 def run(motion, controller, machine):
     """Errors of the motors in the middle of each period, (N, 3), [rad], and torques, (N, 3)."""
-    robot, q, va = controller.chain, motion.q[0], motion.va[0]
-    motors, step, keep = motors_of(robot), 2 * np.pi / COUNTS, np.exp(-PERIOD / FILTER)
+    robot = controller.chain
+    q = motion.q[0]
+    va = motion.va[0]
+    motors = motors_of(robot)
+    step = 2 * np.pi / COUNTS
+    keep = np.exp(-PERIOD / FILTER)
     machine.start(q, robot.joint_rates(q, va))
     times = PERIOD * np.arange(round(motion.t[-1] / PERIOD))
-    measured, found, torques = q[motors], [], []
+    measured = q[motors]
+    found = []
+    torques = []
     for t in times:
         torques.append(controller.torque(t, q, va))
-        before, measured = measured, step * np.round(machine.step(torques[-1])[motors] / step)
+        before = measured
+        measured = step * np.round(machine.step(torques[-1])[motors] / step)
         found.append(machine.data.qpos[motors])
         va = keep * va + (1 - keep) * (measured - before) / PERIOD
         guess = q.copy()
@@ -182,7 +192,8 @@ def row(errors, torques):
 
     It has recovered when the error stays below twice its largest value before the push.
     """
-    size, times = np.abs(errors).max(axis=1), PERIOD * np.arange(1, len(errors) + 1)
+    size = np.abs(errors).max(axis=1)
+    times = PERIOD * np.arange(1, len(errors) + 1)
     calm = (times > 2 * CIRCLE) & (times < PUSH_AT)
     after = times >= PUSH_AT
     late = times[after][size[after] > 2 * size[calm].max()]
@@ -197,7 +208,8 @@ def bench(name):
         robot = poor_model()
         motion = circles(robot)
         return motion, controllers(robot, motion), Machine()
-    robot, exact = poor_model(sst_pin.robots.delta()), sst_pin.robots.delta()
+    robot = poor_model(sst_pin.robots.delta())
+    exact = sst_pin.robots.delta()
     motion = circles_of_the_delta(robot)
     machine = Machine(xml_of(exact), "ball", (3, 3, 3, 0, 0, 0), SMALLER)
     return motion, controllers(robot, motion, 2.0, SMALLER, 0.03), machine

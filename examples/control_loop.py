@@ -41,7 +41,8 @@ def steps(robot, seconds):
     count = round(seconds / PERIOD)
     path = make_interp_spline(motion.t, motion.q[:, motors], 5)
     encoders = path(PERIOD * np.arange(count))
-    q, before = motion.q[0].copy(), encoders[0]
+    q = motion.q[0].copy()
+    before = encoders[0]
 
     def step(k):
         nonlocal q, before

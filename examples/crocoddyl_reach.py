@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 
 Array = NDArray[np.float64]
-STEP, LIMIT = 0.01, 8.0  # [s]; of each motor [N m]
+STEP = 0.01  # [s]
+LIMIT = 8.0  # of each motor [N m]
 
 
 class ClosedState(crocoddyl.StateAbstract):
@@ -96,11 +97,14 @@ class ClosedAction(crocoddyl.DifferentialActionModelAbstract):
     def __init__(self, state: ClosedState, goal: Array, weights: ArrayLike, effort: float) -> None:
         motors = len(state.chain.motor_names)
         super().__init__(state, motors, 2 * state.n)
-        self.closed, self.goal, self.effort = state, goal, effort
+        self.closed = state
+        self.goal = goal
+        self.effort = effort
         self.weights = np.asarray(weights, dtype=float)
         rest = np.zeros(state.n)
         self.hold = state.chain.compute_torques(state.split(goal)[0], rest, rest)
-        self.u_lb, self.u_ub = np.full(motors, -LIMIT), np.full(motors, LIMIT)
+        self.u_lb = np.full(motors, -LIMIT)
+        self.u_ub = np.full(motors, LIMIT)
 
     def calc(self, data: Any, x: Array, u: Array | None = None) -> None:
         """Acceleration and cost; without torques, the cost of the end."""
@@ -116,7 +120,8 @@ class ClosedAction(crocoddyl.DifferentialActionModelAbstract):
         data.Lxx = np.diag(self.weights)
         if u is not None:
             d = self.closed.chain.acceleration_derivatives(*self.closed.split(x), u)
-            data.Fx, data.Fu = np.hstack([d.dq, d.dva]), d.dtau
+            data.Fx = np.hstack([d.dq, d.dva])
+            data.Fu = d.dtau
             data.Lu = self.effort * (u - self.hold)
             data.Luu = self.effort * np.eye(self.nu)
 

@@ -30,7 +30,9 @@ def sweep(robot: sst_pin.ClosedChain, states: States, samples: int, block: int) 
     Returns:
         Shape (samples, motors), [N m] or [N]; nothing is computed yet.
     """
-    nq, n, motors = len(robot.position_names), robot.degrees_of_freedom, len(robot.motor_names)
+    nq = len(robot.position_names)
+    n = robot.degrees_of_freedom
+    motors = len(robot.motor_names)
 
     def rows(index: np.ndarray) -> np.ndarray:
         return np.concatenate(states(index), axis=1)
@@ -58,7 +60,8 @@ def circle(robot: sst_pin.SST, samples: int) -> States:
 def grid(robot: sst_pin.robots.GalleryRobot, samples: int) -> States:
     """The platform at rest on a grid of 10 cm about home."""
     side = round(samples ** (1 / 3))
-    home, n = robot.platform_pose(robot.home), robot.degrees_of_freedom
+    home = robot.platform_pose(robot.home)
+    n = robot.degrees_of_freedom
 
     def states(index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         poses = np.tile(home, (len(index), 1, 1))
@@ -78,14 +81,15 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=0, help="of dask.distributed")
     arguments = parser.parse_args()
     if arguments.robot == "sst":
-        robot, samples, block, motion = sst_pin.SST(), 100_000_000, 250_000, circle
+        robot = sst_pin.SST()
+        samples = 100_000_000
+        block = 250_000
+        motion = circle
     else:
-        robot, samples, block, motion = (
-            getattr(sst_pin.robots, arguments.robot)(),
-            10**6,
-            5000,
-            grid,
-        )
+        robot = getattr(sst_pin.robots, arguments.robot)()
+        samples = 10**6
+        block = 5000
+        motion = grid
         robot.compile()
     tau = sweep(robot, motion(robot, samples), samples, block)
     print(f"{tau.shape[0]:,} samples in {tau.numblocks[0]} blocks, {tau.nbytes / 1e9:.3g} GB")

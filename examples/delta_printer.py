@@ -19,7 +19,11 @@ import sst_pin
 from sst_pin import plots
 from sst_pin.identification import Calibration, Heights, calibrate_with
 
-TOWER_RADIUS, PLATFORM_RADIUS, ROD, SPACING = 0.14, 0.03, 0.25, 0.05  # m
+# Dimensions, [m].
+TOWER_RADIUS = 0.14
+PLATFORM_RADIUS = 0.03
+ROD = 0.25
+SPACING = 0.05
 BED_RADIUS = 0.085  # m, that is probed
 NOISE = 10e-6  # m, of a probe
 TOWERS = ("tower_1", "tower_2", "tower_3")
@@ -29,7 +33,8 @@ WHICH = [f"{tower}.{axis}" for tower in TOWERS for axis in "zxy"]
 
 def printer() -> sst_pin.ClosedChain:
     """The printer as it is drawn: carriages on three towers, pairs of rods, a platform."""
-    model, closures = pin.Model(), []
+    model = pin.Model()
+    closures = []
     model.name = "delta_printer"
     end = pin.SE3(np.eye(3), np.array([0, 0, -ROD]))
     first = np.array([PLATFORM_RADIUS, SPACING / 2, 0])
@@ -136,7 +141,8 @@ def main() -> None:
     mpl.use("Agg")
     from matplotlib.figure import Figure
 
-    drawn, random = printer(), np.random.default_rng(3)
+    drawn = printer()
+    random = np.random.default_rng(3)
     real = drawn.with_design(
         {
             name: float(error)

@@ -61,7 +61,8 @@ def gait(count: int = 32) -> Gait:
     cosines = np.array([[-0.02, 0.1, -0.08, 0.02], [0.02, 0.04, 0.0, 0.0]])
     sines = np.array([[0.0, -0.12, 0.1, -0.03], [0.0, 0.06, 0.02, 0.0]])
     k = np.arange(4)
-    angle, rate = 2 * np.pi * np.outer(phase, k), 2 * np.pi * k / STEP
+    angle = 2 * np.pi * np.outer(phase, k)
+    rate = 2 * np.pi * k / STEP
     c, s = np.cos(angle), np.sin(angle)
     x = c @ cosines.T + s @ sines.T
     va = (-s * rate) @ cosines.T + (c * rate) @ sines.T
@@ -114,7 +115,8 @@ class Ankle:
         condition = s[:, 0] / s[:, 1]
         by_condition = condition[:, None] * (by_s[:, 0] / s[:, :1] - by_s[:, 1] / s[:, 1:])
         count = len(self.gait.x)
-        sizes, by_sizes = np.array([condition, s[:, 0]]), np.array([by_condition, by_s[:, 0]])
+        sizes = np.array([condition, s[:, 0]])
+        by_sizes = np.array([by_condition, by_s[:, 0]])
         result = tau[:count], d.torques[:count], sizes, by_sizes
         self._known = p.tobytes(), result
         return result
@@ -128,11 +130,14 @@ def ripple(tau: np.ndarray) -> float:
 def optimise(ankle: Ankle, rounds: int = 8) -> np.ndarray:
     """The best changes of the design; the last variable of SLSQP is the peak torque."""
     tau = ankle.evaluate(np.zeros(len(VARIABLES)))[0]
-    peak, even, most = np.abs(tau).max(), ripple(tau), np.array([[CONDITION], [SPEED]])
+    peak = np.abs(tau).max()
+    even = ripple(tau)
+    most = np.array([[CONDITION], [SPEED]])
 
     def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
         tau, by_p, _, _ = ankle.evaluate(ROUND * x[:-1])
-        change, by_change = tau - np.roll(tau, 1, axis=0), by_p - np.roll(by_p, 1, axis=0)
+        change = tau - np.roll(tau, 1, axis=0)
+        by_change = by_p - np.roll(by_p, 1, axis=0)
         value = ripple(tau)
         slope = np.einsum("tm,tmp->p", change, by_change) / (tau.size * value)
         return x[-1] + RIPPLE * value / even, np.append(RIPPLE * ROUND * slope / even, 1.0)
@@ -211,7 +216,8 @@ def picture(ankle: Ankle, p: np.ndarray, path: Path) -> None:
 
 def main() -> None:
     """Optimise, print and draw."""
-    begin, ankle = time.perf_counter(), Ankle()
+    begin = time.perf_counter()
+    ankle = Ankle()
     p = optimise(ankle)
     print(f"{'change':42} (mm)")
     for name, change in zip(VARIABLES, p, strict=True):

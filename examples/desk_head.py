@@ -18,7 +18,8 @@ ROD_END = np.array([-0.029172, -0.007, 0.149571])
 #: Masses [kg] and mass centres [m]; the rod's is in its middle.
 CRANK_MASS, CRANK_CENTRE = 0.00366675, np.array([-0.040303, -0.033751, 0.076633])
 ROD_MASS = 0.00503424
-HEAD_MASS, HEAD_CENTRE = 0.280444, np.array([0.0000245, -0.0008951, 0.2053195])
+HEAD_MASS = 0.280444
+HEAD_CENTRE = np.array([0.0000245, -0.0008951, 0.2053195])
 
 
 def desk_head(locked: bool = True) -> sst_pin.ClosedChain:

@@ -91,7 +91,9 @@ class Row(NamedTuple):
 
 def mtm() -> Arm:
     """The master tool manipulator: a parallelogram, a geared wrist platform, a spring."""
-    upper, lever, forearm = 0.2794, 0.1, 0.3645
+    upper = 0.2794
+    lever = 0.1
+    forearm = 0.3645
     rows = {
         "outer_yaw": Row("universe", d=-0.2154, mass=3),
         "shoulder": Row("outer_yaw", alpha=-QUARTER, theta=QUARTER, mass=2),
@@ -108,7 +110,9 @@ def mtm() -> Arm:
     frame(model, "rod_end", "rod", (upper, 0, 0))
     frame(model, "elbow_pin", "elbow", (lever, 0, 0))
     # the spring that balances the wrist pitch: its length follows from the law of cosines
-    crank, post, angle = 0.0075, 0.1035, np.pi + np.deg2rad(23)
+    crank = 0.0075
+    post = 0.1035
+    angle = np.pi + np.deg2rad(23)
     at = model.jointPlacements[model.getJointId("wrist_pitch")]
     foot = at.act(post * np.array([np.cos(angle), np.sin(angle), 0]))
     frame(model, "spring_foot", "platform", foot)
@@ -128,8 +132,14 @@ def mtm() -> Arm:
 
 def psm() -> Arm:
     """The patient side manipulator: bars that stay level, a counterweight, a geared instrument."""
-    across, bar, middle, up, between = 0.04009, 0.516, 0.096, 0.14454, 0.03808
-    to_centre, tool, wrist = 0.4318, 0.4162, 0.0091
+    across = 0.04009
+    bar = 0.516
+    middle = 0.096
+    up = 0.14454
+    between = 0.03808
+    to_centre = 0.4318
+    tool = 0.4162
+    wrist = 0.0091
     rows = {
         "yaw": Row("universe", alpha=QUARTER, theta=QUARTER, mass=3),
         "pitch": Row("yaw", alpha=-QUARTER, theta=-QUARTER, mass=2),
@@ -225,7 +235,8 @@ def without_cable(log: Array, cable: Array) -> Array:
 
 def as_the_authors(chain: ClosedChain, log: Array, judge: Judge) -> Trajectory:
     """The first period as its authors filter it: rates, torques and the others, each by itself."""
-    sections, end = butter(6, judge.frequency, fs=200, output="sos"), 200 + int(200 * judge.period)
+    sections = butter(6, judge.frequency, fs=200, output="sos")
+    end = 200 + int(200 * judge.period)
     rates = log[:, 7:14]
     logged = log[:, :7], rates, np.gradient(rates, 1 / 200, axis=0), log[:, 14:]
     x, va, aa, tau = (sosfiltfilt(sections, each, axis=0)[200:end:4] for each in logged)
@@ -238,7 +249,8 @@ def relative_errors(
 ) -> Array:
     """Relative errors of the torques in the first period, both sides decimated, (motors,)."""
     first = int(np.searchsorted(motion.t, motion.t[0] + period))
-    off, size = predicted_torques(chain, theta, motion) - motion.tau, motion.tau
+    off = predicted_torques(chain, theta, motion) - motion.tau
+    size = motion.tau
     if every > 1:
         off, size = (decimate(each, every, axis=0) for each in (off, size))
     off, size = (np.linalg.norm(each[: first // every], axis=0) for each in (off, size))
@@ -282,7 +294,9 @@ class Weights(NamedTuple):
         """
         (a, b), (of_a, of_b) = self.moments[:, k], self.deviations[:, k] ** 2
         common = self.runs[k] ** 2 / 2
-        p, q, r = a * a - 3.84 * of_a, a * b - 3.84 * common, b * b - 3.84 * of_b
+        p = a * a - 3.84 * of_a
+        q = a * b - 3.84 * common
+        r = b * b - 3.84 * of_b
         if p <= 0:  # the smaller weight is not seen
             return None
         half = np.sqrt(q * q - p * r)
@@ -302,7 +316,8 @@ def added(
 
 def weighed(arm: Arm, data: Path) -> None:
     """Print the first moments that the weights add, and their ratios."""
-    chain, logs = arm.chain, data / "psm_simplified" / "measured_trajectory"
+    chain = arm.chain
+    logs = data / "psm_simplified" / "measured_trajectory"
     cutoff, every = OF_WEIGHTS
     empty = motion_of(chain, read(logs / "one_no_weight_results.csv"), cutoff)
     base = base_parameters(chain, arm.which)
@@ -349,7 +364,8 @@ def main(folder: Path) -> None:
         logs = data / name / "measured_trajectory"
         training, test = (read(logs / f"{run}_results.csv") for run in ("one", "two"))
         if name == "mtm":
-            training, test = without_cable(training, cable), without_cable(test, cable)
+            training = without_cable(training, cable)
+            test = without_cable(test, cable)
         judged(arm, training, test, judge)
     weighed(arm, data)
     print(f"\n{time.perf_counter() - begin:.0f} s in all")

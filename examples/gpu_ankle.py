@@ -82,7 +82,8 @@ class Ankles:
             model, bare.closures, bare.motor_names,
             viscous_friction=0.2 * friction, coulomb_friction=friction,
         )  # fmt: skip
-        self.legs, self.home = legs, bare.home
+        self.legs = legs
+        self.home = bare.home
         self.batch = self.chain.warp(device).with_parameters(self.parameters())
         self.device = self.batch.device
         self.start = self.array(self.home)
@@ -99,7 +100,8 @@ class Ankles:
     def parameters(self):
         """Parameters of each leg: feet from half to twice the mass, friction up to twice."""
         batch = self.chain.warp("cpu")
-        names, numbers = batch.parameter_names, batch.parameters.numpy()
+        names = batch.parameter_names
+        numbers = batch.parameters.numpy()
         numbers = np.repeat(numbers, self.legs, axis=0)
         foot = [i for i, name in enumerate(names) if name.startswith("ankle_roll.")]
         rubbing = [i for i, name in enumerate(names) if name.endswith(("viscous", "coulomb"))]
@@ -126,7 +128,8 @@ def search(legs, seconds, device=None):
     """Random gains, shape (legs, 2), their mean squared errors, number of bad steps, seconds."""
     ankles = Ankles(legs, device)
     gains = 10 ** ankles.random.uniform([0.5, -1.5], [2.5, 1.0], (legs, 2))
-    on_device, periods = ankles.array(gains), round(seconds / PERIOD)
+    on_device = ankles.array(gains)
+    periods = round(seconds / PERIOD)
     ankles.new_targets()
     ankles.step(on_device)  # compiles
     wp.synchronize()

@@ -26,7 +26,8 @@ class Quantity(torch.autograd.Function):
     @staticmethod
     def forward(ctx, compute, slopes, coordinates, *states):
         """Values, shape (N, n)."""
-        ctx.slopes, ctx.coordinates = slopes, coordinates
+        ctx.slopes = slopes
+        ctx.coordinates = coordinates
         ctx.save_for_backward(*states)
         return wp.to_torch(compute(*shared(*states)))
 
@@ -46,7 +47,8 @@ class Step(torch.autograd.Function):
     @staticmethod
     def forward(ctx, robot, dt, *states):
         """The next q and va."""
-        ctx.robot, ctx.dt = robot, dt
+        ctx.robot = robot
+        ctx.dt = dt
         ctx.save_for_backward(*states)
         q, va, tau = shared(*states)
         return tuple(map(wp.to_torch, robot.batch.step((q, va), tau, dt)))
@@ -91,7 +93,8 @@ class Robot:
 
     def runge_kutta(self, q, va, tau, dt):
         """A step as PyTorch differentiates it."""
-        rates, slopes = [va], [self.accelerations(q, va, tau)]
+        rates = [va]
+        slopes = [self.accelerations(q, va, tau)]
         for ahead in (dt / 2, dt / 2, dt):
             stage = self.moved(q, rates[-1], ahead), va + ahead * slopes[-1]
             rates.append(stage[1])
@@ -103,7 +106,9 @@ class Robot:
 def main():
     """Find torques that bring five-bars to rest after ten steps, by gradients."""
     chain = sst_pin.robots.five_bar()
-    robot, count, dt = Robot(chain), 16, 0.01
+    robot = Robot(chain)
+    count = 16
+    dt = 0.01
     torch.manual_seed(0)
     device = robot.coordinates.device
     q0 = torch.tensor(chain.home, device=device).repeat(count, 1)
@@ -113,7 +118,8 @@ def main():
 
     def loss():
         optimiser.zero_grad()
-        q, va = q0, va0
+        q = q0
+        va = va0
         for k in range(len(tau)):
             q, va = robot.step(q, va, tau[k], dt)
         value = (va**2).sum()

@@ -42,7 +42,8 @@ def gripper():
     model.name = "gripper"
     wrist = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "wrist")
     model.appendBodyToJoint(wrist, pin.Inertia.FromBox(0.5, PALM, 0.04, 0.02), pin.SE3.Identity())
-    closures, q = [], [0.0]
+    closures = []
+    q = [0.0]
     for side, sign in (("left", -1), ("right", 1)):
         joints = {}
         for name, parent, at, length in (

@@ -95,7 +95,8 @@ def main(arguments: list[str] | None = None) -> None:
         from sensor_msgs.msg import JointState
     except ImportError:
         sys.exit("rclpy and sensor_msgs are needed: source the setup file of ROS 2 first")
-    relay, heard = Relay(sst_pin.ClosedChain.from_urdf(options.robot)), []
+    relay = Relay(sst_pin.ClosedChain.from_urdf(options.robot))
+    heard = []
     rclpy.init(args=others)
     node = rclpy.create_node("joint_state_relay")
     publisher = node.create_publisher(JointState, "joint_states", 10)

@@ -25,7 +25,9 @@ from sst_pin.robots.gallery_robot import GalleryRobot
 Array = NDArray[np.float64]
 #: Positions of the platform [m]; duration [s]; copper loss [W/(N m)^2]; of each motor [N m].
 PICK, PLACE = np.array([-0.1, 0.03, -0.28]), np.array([0.1, -0.02, -0.28])
-DURATION, LOSS, LIMIT = 0.35, 4.0, 4.0
+DURATION = 0.35
+LOSS = 4.0
+LIMIT = 4.0
 #: How far joints may be beyond where they start and end: [rad], away from singular poses.
 ROOM = 0.4
 #: What stands between: height and half its width [m].
@@ -70,7 +72,8 @@ def plain(chain: GalleryRobot, t: Array) -> sst_pin.Trajectory:
     fine = np.linspace(0, 1, 2001)[1:-1]
     over = ground(PICK[0] + s(fine) * (PLACE - PICK)[0])
     height = (over[over > 0] / hump(fine)[over > 0]).max()
-    way, up = PLACE - PICK, np.array([0, 0, height])
+    way = PLACE - PICK
+    up = np.array([0, 0, height])
     p, rate, acceleration = (
         (np.outer(s.deriv(k)(t), way) + np.outer(hump.deriv(k)(t), up)) / DURATION**k
         for k in range(3)
@@ -145,7 +148,9 @@ def draw(chain: GalleryRobot, motions: dict[str, sst_pin.Trajectory]) -> Path:
 
     rows = [["paths", "powers"], ["torques", "torques"]]
     figure, places = plt.subplot_mosaic(rows, figsize=(7.5, 6.2), layout="constrained")
-    paths, torques, powers = places["paths"], places["torques"], places["powers"]
+    paths = places["paths"]
+    torques = places["torques"]
+    powers = places["powers"]
     x = np.linspace(-HALF, HALF, 200)
     paths.fill_between(1e3 * x, 1e3 * ground(x), color="0.85", label="to be cleared")
     for (name, motion), style in zip(motions.items(), ("--", "-"), strict=True):

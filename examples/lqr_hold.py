@@ -21,7 +21,8 @@ import sst_pin
 from sst_pin import plots
 
 Array = NDArray[np.float64]
-STEP, LIMIT = 0.005, 6.0  # of the controller [s]; of each motor [N m], at home 4.3 are needed
+STEP = 0.005  # of the controller [s]
+LIMIT = 6.0  # of each motor [N m]; at home 4.3 are needed
 
 
 class Regulator(NamedTuple):
@@ -41,11 +42,13 @@ class Regulator(NamedTuple):
 
 def regulator(robot: sst_pin.SST) -> Regulator:
     """The gain that is best for a rad of error, 0.1 rad/s and 1 N m alike."""
-    rest, q = np.zeros(3), robot.home
+    rest = np.zeros(3)
+    q = robot.home
     hold = robot.compute_torques(q, rest, rest)
     poles = np.linalg.eigvals(robot.linearize(q, rest, hold)[0])
     A, B = robot.linearize(q, rest, hold, dt=STEP)
-    cost, effort = np.diag([1.0, 1, 1, 0.01, 0.01, 0.01]), np.eye(3) / 100
+    cost = np.diag([1.0, 1, 1, 0.01, 0.01, 0.01])
+    effort = np.eye(3) / 100
     P = solve_discrete_are(A, B, cost, effort)
     gain = np.linalg.solve(effort + B.T @ P @ B, B.T @ P @ A)
     return Regulator(q, hold, gain, poles)
@@ -54,7 +57,8 @@ def regulator(robot: sst_pin.SST) -> Regulator:
 def swing(robot: sst_pin.SST, control: Regulator, q: Array, seconds: float) -> Array:
     """Largest error of a motor of each start (N, 9) at rest, step by step, shape (steps, N)."""
     motors = list(robot.motor_indices)
-    va, errors = np.zeros((len(q), 3)), []
+    va = np.zeros((len(q), 3))
+    errors = []
     for _ in range(round(seconds / STEP)):
         errors.append(np.abs(q[:, motors] - control.q[motors]).max(axis=1))
         alive = np.isfinite(q).all(axis=1) & np.isfinite(va).all(axis=1)
@@ -63,7 +67,8 @@ def swing(robot: sst_pin.SST, control: Regulator, q: Array, seconds: float) -> A
         motion = robot.rollout(
             np.repeat(tau[:, None], 2, axis=1), q[alive], va[alive], STEP / 2, on_error="nan"
         )
-        q, va = np.full_like(q, np.nan), np.full_like(va, np.nan)
+        q = np.full_like(q, np.nan)
+        va = np.full_like(va, np.nan)
         q[alive], va[alive] = motion.q[:, -1], motion.va[:, -1]
     return np.array(errors)
 

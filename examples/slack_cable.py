@@ -18,14 +18,18 @@ from sst_pin import LineForce
 
 #: Anchors in the plane x, z, and what the load and the cables are, [m], [kg], [N/m], [N s/m].
 ANCHORS = {"left": (-1.5, 2.0), "right": (1.5, 2.0), "below": (0.0, -0.5)}
-MASS, STIFFNESS, DAMPING, TIGHT = 5.0, 4000.0, 20.0, 0.02
+MASS = 5.0
+STIFFNESS = 4000.0
+DAMPING = 20.0
+TIGHT = 0.02
 #: Step and duration of the simulation, [s]; the load moves by STROKE along x in MOVE seconds.
 STEP, DURATION, MOVE, STROKE = 1e-3, 1.5, 0.35, 0.8
 
 
 def cable_robot():
     """A point mass that slides along x and z, with a winch at each anchor."""
-    model, parent = pin.Model(), 0
+    model = pin.Model()
+    parent = 0
     joints = ("x", pin.JointModelPX(), 0.0), ("z", pin.JointModelPZ(), MASS)
     for name, joint, mass in joints:
         parent = model.addJoint(parent, joint, pin.SE3.Identity(), name)

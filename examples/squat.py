@@ -49,7 +49,8 @@ def errors():
     leg = leg_with_rotors()
     view = sst_pin.SerialView(leg, JOINTS)
     motion = squat(leg, view)
-    exact, tree = motion.tau, serial_tree(leg)
+    exact = motion.tau
+    tree = serial_tree(leg)
     x = view.joint_positions(motion.q)
     of_tree = tree.generalized_forces(x, motion.va, motion.aa)
     lacking = view.inertia(motion.q) - tree.reduced_terms(x, motion.va).inertia

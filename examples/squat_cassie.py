@@ -87,7 +87,9 @@ class FloatingState(crocoddyl.StateAbstract):
 
     def Jdiff(self, x0: Array, x1: Array, which: Any = crocoddyl.Jcomponent.both) -> Any:
         """Derivatives of diff."""
-        q0, q1, found = self.split(x0)[0], self.split(x1)[0], []
+        q0 = self.split(x0)[0]
+        q1 = self.split(x1)[0]
+        found = []
         for sign, argument in ((-1, pin.ARG0), (1, pin.ARG1)):
             of_q = pin.dDifference(self.model, q0, q1, argument)[np.ix_(self.rates, self.rates)]
             found.append(self._with_rates(of_q, sign))
@@ -97,7 +99,8 @@ class FloatingState(crocoddyl.StateAbstract):
 
     def Jintegrate(self, x: Array, dx: Array, which: Any = crocoddyl.Jcomponent.both) -> Any:
         """Derivatives of integrate."""
-        q, found = self.split(x)[0], []
+        q = self.split(x)[0]
+        found = []
         for argument in (pin.ARG0, pin.ARG1):
             found.append(self._with_rates(self._of_step(q, dx, argument), 1))
         if which == crocoddyl.Jcomponent.both:
@@ -135,12 +138,17 @@ class Squat(crocoddyl.DifferentialActionModelAbstract):
         self, state: FloatingState, goal: Array, height: float, controls: Array, slopes: ClosedChain
     ) -> None:
         super().__init__(state, len(controls), 1)
-        self.closed, self.goal, self.height, self.near = state, goal, height, controls
-        self.slopes, chain = slopes, state.chain
+        self.closed = state
+        self.goal = goal
+        self.height = height
+        self.near = controls
+        self.slopes = slopes
+        chain = state.chain
         q, _ = state.split(goal)
         self.feet = self.places(q)
         self.motors = len(chain.motor_names)
-        sole, torques = len(CONTACTS), np.full(self.motors, TORQUE)
+        sole = len(CONTACTS)
+        torques = np.full(self.motors, TORQUE)
         self.u_lb = np.append(-torques, np.tile(LEAST, sole))
         self.u_ub = np.append(torques, np.tile(MOST, sole))
         self.of_controls = np.full(len(controls), OF_FORCES)
@@ -156,7 +164,8 @@ class Squat(crocoddyl.DifferentialActionModelAbstract):
     def calc(self, data: Any, x: Array, u: Array | None = None) -> None:
         """Acceleration and cost; without controls, the cost of the end."""
         q, va = self.closed.split(x)
-        chain, off = self.closed.chain, self.closed.diff(self.goal, x)
+        chain = self.closed.chain
+        off = self.closed.diff(self.goal, x)
         data.cost = 0.5 * float(off @ (self.of_state * off))
         data.cost += 0.5 * OF_FEET * float(np.sum((self.places(q) - self.feet) ** 2))
         data.cost += 0.5 * OF_HEIGHT * (chain.frame_placement(q, "pelvis")[0][2] - self.height) ** 2
@@ -172,12 +181,15 @@ class Squat(crocoddyl.DifferentialActionModelAbstract):
         J = np.concatenate([chain.frame_jacobian(q, name)[:3] for name in CONTACTS])
         up = chain.frame_jacobian(q, "pelvis")[2]
         height = chain.frame_placement(q, "pelvis")[0][2] - self.height
-        Lx, Lxx = self.of_state * self.closed.diff(self.goal, x), np.diag(self.of_state)
+        Lx = self.of_state * self.closed.diff(self.goal, x)
+        Lxx = np.diag(self.of_state)
         Lx[:n] += OF_FEET * J.T @ (self.places(q) - self.feet) + OF_HEIGHT * height * up
         Lxx[:n, :n] += OF_FEET * J.T @ J + OF_HEIGHT * np.outer(up, up)
-        data.Lx, data.Lxx = Lx, Lxx
+        data.Lx = Lx
+        data.Lxx = Lxx
         if u is not None:
-            tau, forces = u[: self.motors], u[self.motors :].reshape(-1, 3)
+            tau = u[: self.motors]
+            forces = u[self.motors :].reshape(-1, 3)
             wrenches = contact_wrenches(chain, q, forces)
             options = {"external_wrenches": wrenches}
             d = self.slopes.acceleration_derivatives(q, va, tau, **options)
@@ -191,8 +203,10 @@ class Squat(crocoddyl.DifferentialActionModelAbstract):
 
     def levers(self, q: Array, forces: Array) -> Array:
         """Change of the forces along the coordinates as the levers turn with the feet, (n, n)."""
-        chain, model = self.closed.chain, self.closed.model
-        data, change = model.createData(), np.zeros((self.closed.n, self.closed.n))
+        chain = self.closed.chain
+        model = self.closed.model
+        data = model.createData()
+        change = np.zeros((self.closed.n, self.closed.n))
         pin.framesForwardKinematics(model, data, q)
         for name, force in zip(CONTACTS, forces, strict=True):
             frame = model.getFrameId(name)
@@ -208,8 +222,10 @@ def squat(
 ) -> tuple[crocoddyl.SolverBoxFDDP, bool]:
     """Down and up again from a standing pose; whether the solver converged."""
     torques, forces = stance(chain, q)
-    state, controls = FloatingState(chain, q), np.append(torques, forces)
-    goal, top = state.zero(), chain.frame_placement(q, "pelvis")[0][2]
+    state = FloatingState(chain, q)
+    controls = np.append(torques, forces)
+    goal = state.zero()
+    top = chain.frame_placement(q, "pelvis")[0][2]
     times = np.arange(0.0, DURATION + STEP / 2, STEP)
     heights = top - DEPTH * (1 - np.cos(2 * np.pi * times / DURATION)) / 2
     actions = [Squat(state, goal, height, controls, slopes) for height in heights]

@@ -63,11 +63,14 @@ class Result(NamedTuple):
 
 def followed(motion: sst_pin.Trajectory) -> Log:
     """The machine follows a motion by computed torques."""
-    machine, robot = Machine(), sst_pin.SST()
+    machine = Machine()
+    robot = sst_pin.SST()
     control = sst_pin.ComputedTorque(robot, motion, kp=1.5e4, kd=240)
     machine.start(motion.q[0], robot.joint_rates(motion.q[0], motion.va[0]))
-    times, motors = PERIOD * np.arange(round(motion.t[-1] / PERIOD)), list(robot.motor_indices)
-    q, torques = [motion.q[0]], []
+    times = PERIOD * np.arange(round(motion.t[-1] / PERIOD))
+    motors = list(robot.motor_indices)
+    q = [motion.q[0]]
+    torques = []
     for t in times:
         torques.append(control.torque(t, q[-1], machine.data.qvel[motors].copy()))
         q.append(machine.step(torques[-1], push=0.0))
@@ -96,7 +99,8 @@ def estimated(
 
 def identified(repetitions: int, duration: float = 5.0, tries: int = 8) -> Result:
     """Estimates against the parameters of the machine."""
-    drawn, machine = poor_model(), sst_pin.SST()
+    drawn = poor_model()
+    machine = sst_pin.SST()
     friction = {f"{name}.viscous": DAMPING for name in machine.joint_names}
     friction |= {f"{name}.coulomb": DRY for name in machine.joint_names}
     base = base_parameters(drawn, WHICH)
@@ -105,13 +109,16 @@ def identified(repetitions: int, duration: float = 5.0, tries: int = 8) -> Resul
     limits = {"rates": 6.0, "torques": 30.0, "tries": tries, "dt": 0.005}
     shown = base_parameters(drawn)
     logs = [followed(excitation(drawn, shown, duration, seed=k, **limits)) for k in (0, 1)]
-    random, missed, noise = np.random.default_rng(0), [], []
+    random = np.random.default_rng(0)
+    missed = []
+    noise = []
     for _ in range(repetitions):
         found = estimated(drawn, base, [measured(drawn, logs[0], random)])
         missed.append((found.values - true) / found.deviations)
         noise.append(found.noise)
     found = estimated(drawn, base, [measured(drawn, logs[0], random) for _ in range(4)])
-    theta, test = consistent_parameters(drawn, found), measured(drawn, logs[1], random)
+    theta = consistent_parameters(drawn, found)
+    test = measured(drawn, logs[1], random)
     errors = [predicted_torques(drawn, each, test) - test.tau for each in (theta, own)]
     off = np.sqrt(np.mean(decimate(errors, EVERY, axis=1) ** 2, axis=1))
     return Result(np.array(missed), np.mean(noise, axis=0), *off)

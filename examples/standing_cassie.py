@@ -77,7 +77,8 @@ def standing(chain: ClosedChain) -> Array:
 
 def stance(chain: ClosedChain, q: Array) -> Stance:
     """Least squared torques, and contact forces within their cones of friction."""
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    n = chain.degrees_of_freedom
+    motors = len(chain.motor_names)
     rest = np.zeros(n)
     of_motors = chain.noc(q, rest).L[list(chain.motor_indices)].T
     of_contacts = [chain.frame_jacobian(q, name)[:3].T for name in CONTACTS]

@@ -63,7 +63,9 @@ def at_limit(solution: Solution, limit: float = LIMIT) -> Array:
 def simulated(robot: sst_pin.SST, solution: Solution, samples: int = 4) -> sst_pin.Trajectory:
     """The motion of `simulate` under the torques, with a number of samples in each interval."""
     interval = solution.duration / len(solution.tau)
-    q, va, aa = [solution.q[:1]], [np.zeros((1, 3))], []
+    q = [solution.q[:1]]
+    va = [np.zeros((1, 3))]
+    aa = []
     for tau in solution.tau:
         t = np.linspace(0, interval, samples + 1)
         motion = robot.simulate(tau, q[-1][-1], va[-1][-1], t)
@@ -104,7 +106,8 @@ def main() -> None:
     robot = sst_pin.SST()
     start, goal = pose(robot, START), pose(robot, GOAL)
     solution = fastest(robot, start, goal, 40)
-    ends, motion = solution.q[DEGREE::DEGREE], simulated(robot, solution)
+    ends = solution.q[DEGREE::DEGREE]
+    motion = simulated(robot, solution)
     replays = {"simulate": motion.q[4::4], "MuJoCo": replayed(solution)}
     print(f"{solution.duration:.4f} s, found in {solution.iterations} iterations")
     print("at the limit of torque:", ", ".join(f"{x:.1%}" for x in at_limit(solution)))

@@ -96,7 +96,8 @@ def walk():
     )
     q0 = np.concatenate([[CROUCHED], *2 * [leg_positions(leg, CROUCHED)]])
     chain.compile()
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    n = chain.degrees_of_freedom
+    motors = len(chain.motor_names)
     motion = chain.rollout(
         np.zeros((len(t), motors)),
         q0,

@@ -83,7 +83,8 @@ def first_of_a_file(repeats: int) -> report.Times:
         "robot = sst_pin.ClosedChain.from_urdf(sys.argv[1]); robot.compile();"
         "robot.compute_torques(robot.generic_configuration(), [0] * 3, [0] * 3); print(now() - a)"
     )
-    urdf, runs = str(ROOT / "examples" / "delta.urdf"), []
+    urdf = str(ROOT / "examples" / "delta.urdf")
+    runs = []
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as cache:
             runs.append([*(in_a_process(code, urdf, XDG_CACHE_HOME=cache)[0] for _ in range(2))])
@@ -92,7 +93,9 @@ def first_of_a_file(repeats: int) -> report.Times:
 
 def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     few, many, turn = (3, 21, 2e-3) if quick else (9, 41, 5e-3)
-    robot, reference, cores = SST(), SST(), os.cpu_count() or 1
+    robot = SST()
+    reference = SST()
+    cores = os.cpu_count() or 1
     robot.compile()
     motion = cases.on_the_circle(robot, 0.1)
     batches = cases.batches(robot, cases.batch(robot, BATCH))

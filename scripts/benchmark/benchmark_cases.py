@@ -38,7 +38,8 @@ def in_mujoco(
 ) -> Closed:
     """The robot in MuJoCo by the classical Runge-Kutta method, at q and va, at rest by default."""
     tree = MujocoTree(chain.mechanism, closed=stiffness)
-    tree.mj.opt.timestep, tree.mj.opt.integrator = step, mujoco.mjtIntegrator.mjINT_RK4
+    tree.mj.opt.timestep = step
+    tree.mj.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     tree.mj.opt.tolerance = 1e-8  # of the solver; MuJoCo's default
     tree.mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # the kernels have no limits
     tree.move(q, np.zeros(chain.model.nv) if va is None else chain.joint_rates(q, va))
@@ -79,7 +80,9 @@ def single_calls(
     """One configuration; without the robot in MuJoCo no direct dynamics."""
     q, va, aa = motion
     model, data, kkt = chain.model, chain.model.createData(), Kkt(chain, q)
-    v, ours, theirs = chain.joint_rates(q, va), torques_of(chain), torques_of(reference)
+    v = chain.joint_rates(q, va)
+    ours = torques_of(chain)
+    theirs = torques_of(reference)
     bare = not (model.damping.any() or model.friction.any() or model.armature.any())
     if bare:
         forces = chain.generalized_forces(q, va, aa)
@@ -94,7 +97,8 @@ def single_calls(
         return calls
     world, state = closed
     world.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
-    mechanism, constrained = chain.mechanism, Constrained(chain)
+    mechanism = chain.mechanism
+    constrained = Constrained(chain)
     tau = np.ones(len(chain.motor_names))
     force = mechanism.actuation @ tau
     if bare:
@@ -112,7 +116,9 @@ def batches(chain: ClosedChain, motion: Motion, torques_only: bool = False) -> C
     """Samples of a motion, each array with rows of its own."""
     (q, va, aa), nv, ours = motion, chain.model.nv, torques_of(chain)
     out = {"out": np.empty_like(ours(q, va, aa))} if ours == chain.compute_torques else {}
-    n, pool, columns = len(q), pin.ModelPool(chain.model, 1), np.asfortranarray(q.T)
+    n = len(q)
+    pool = pin.ModelPool(chain.model, 1)
+    columns = np.asfortranarray(q.T)
     rates = np.asfortranarray(np.ones((nv, n)))
     theirs = np.empty((nv, n), order="F")
     calls: Calls = {"torques, batch": (lambda: ours(q, va, aa, **out), n)}
@@ -133,12 +139,15 @@ def batches(chain: ClosedChain, motion: Motion, torques_only: bool = False) -> C
 def rollouts(chain: ClosedChain, q: Array, closed: Closed, starts: int, steps: int) -> Calls:
     """Motions without torques from rest, one thread, both by the classical Runge-Kutta method."""
     world, state = closed
-    dt, rest = world.opt.timestep, np.zeros((starts, chain.degrees_of_freedom))
+    dt = world.opt.timestep
+    rest = np.zeros((starts, chain.degrees_of_freedom))
     world.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     row = np.zeros(mujoco.mj_stateSize(world, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(world, state, row, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    runner, rows = mujoco.rollout.Rollout(nthread=0), np.tile(row, (starts, 1))  # 0: this thread
-    torques, q = np.zeros((starts, steps, len(chain.motor_names))), np.tile(q, (starts, 1))
+    runner = mujoco.rollout.Rollout(nthread=0)  # 0: this thread
+    rows = np.tile(row, (starts, 1))
+    torques = np.zeros((starts, steps, len(chain.motor_names)))
+    q = np.tile(q, (starts, 1))
     ours = chain.rollout(torques, q, rest, dt).q[:, -1]
     theirs, _ = runner.rollout(world, state, rows, nstep=steps)
     ways = [np.abs(ours - q).max(), np.abs(theirs[:, -1] - row)[:, 1 : 1 + world.nq].max()]

@@ -57,7 +57,8 @@ def _times(times: Times) -> str:
 def short_table(results: dict[str, Any]) -> str:
     rows = []
     for group, ours, theirs in (ROWS[i] for i in SHORT):
-        a, b = results[group][ours][0], results[group][theirs][0]
+        a = results[group][ours][0]
+        b = results[group][theirs][0]
         rows.append((ours, f"{b / a:.3g}", theirs, spoken(a)))
     return markdown(("this package", "times as fast", "as", "time"), rows)
 

@@ -72,7 +72,8 @@ def measure(
     (few, many), found = repeats, {}
     for name in names:
         chain, cost = compiled(name)
-        q, n = chain.generic_configuration(), chain.degrees_of_freedom
+        q = chain.generic_configuration()
+        n = chain.degrees_of_freedom
         motion = (q, *np.random.default_rng(0).normal(size=(2, n)))
         closed = cases.in_mujoco(chain, q, step=1e-4) if n <= MOST else None
         calls = cases.single_calls(chain, ROBOTS[name](), motion, closed)

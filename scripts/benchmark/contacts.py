@@ -22,8 +22,12 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.gallery.on_feet import RADIUS, biped
 from tests.support.biped_in_mujoco import mujoco_biped, start_of
 
-STEP, STEPS, MANY, FRICTION = 5e-4, 600, 64, 0.8
-STIFFNESS, DAMPING = 150.0, 1.0
+STEP = 5e-4
+STEPS = 600
+MANY = 64
+FRICTION = 0.8
+STIFFNESS = 150.0
+DAMPING = 1.0
 
 
 class Peers(NamedTuple):
@@ -52,13 +56,15 @@ def main() -> None:
     warnings.simplefilter("ignore")
     chain = biped(friction=FRICTION)
     chain.compile()
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    n = chain.degrees_of_freedom
+    motors = len(chain.motor_names)
     gains = {
         "nonsmooth": True,
         "motor_stiffness": np.full(motors, STIFFNESS),
         "motor_damping": np.full(motors, DAMPING),
     }
-    model, home = mujoco_biped(STEP, STIFFNESS, DAMPING, FRICTION), chain.home
+    model = mujoco_biped(STEP, STIFFNESS, DAMPING, FRICTION)
+    home = chain.home
     data = mujoco.MjData(model)
     qpos, held = start_of(chain, model)
 
@@ -81,7 +87,8 @@ def main() -> None:
     reset()
     state = np.zeros(size)
     mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    states, controls = np.tile(state, (MANY, 1)), np.tile(held, (MANY, STEPS, 1))
+    states = np.tile(state, (MANY, 1))
+    controls = np.tile(held, (MANY, STEPS, 1))
     many = least_times(
         lambda: chain.rollout(taus, home, rates, STEP, threads=1, **gains),
         lambda: rollout.rollout(model, data, states, controls),

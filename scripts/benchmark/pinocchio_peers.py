@@ -41,9 +41,11 @@ class Kkt:
 
     def forces(self, q: Array, va: Array, aa: Array) -> Array:
         """Forces of a motion along the coordinates."""
-        model, data = self.model, self.data
+        model = self.model
+        data = self.data
         Phi = self._Phi(q)
-        inverse, free = np.linalg.inv(Phi[:, self.rest]), Phi[:, self.coordinates]
+        inverse = np.linalg.inv(Phi[:, self.rest])
+        free = Phi[:, self.coordinates]
         v, a = np.zeros((2, model.nv))
         v[self.coordinates], v[self.rest] = va, -inverse @ (free @ va)
         pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))

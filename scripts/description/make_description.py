@@ -42,7 +42,8 @@ def _corners(stl: bytes) -> np.ndarray:
 
 def _words(obj: bytes) -> tuple[str, np.ndarray]:
     """The text of an OBJ without its decimal numbers, and these."""
-    text, decimal = obj.decode(), r"-?\d+\.\d+"
+    text = obj.decode()
+    decimal = r"-?\d+\.\d+"
     return re.sub(decimal, "", text), np.array(re.findall(decimal, text), dtype=float)
 
 

@@ -100,7 +100,8 @@ def accelerations_long(e: Equations) -> ca.SX:
 
 def accelerations_multipliers(e: Equations) -> ca.SX:
     """Accelerations of all joints together with the Lagrange multipliers of the closures."""
-    nv, rows = e.mechanism.model.nv, list(_independent(e))
+    nv = e.mechanism.model.nv
+    rows = list(_independent(e))
     system: list[dict[int, Any]] = [{} for _ in range(nv + len(rows))]
     for (i, j), entry in e.tree.composed({}).items():
         system[i][j] = system[j][i] = entry
@@ -137,8 +138,12 @@ def _independent(e: Equations) -> Iterator[tuple[Mapping[int, Any], Any]]:
             yield {j: column[k] for j, column in columns.items() if k in column}, drift[k]
 
 
-LONG, SHORT, WITH_L = "NOC, every term of Eq. (92)", "NOC, one recursion", "NOC, with L"
-MULTIPLIERS, WORK, CHECKED = "Lagrange multipliers", "virtual work", "NOC, one recursion, checked"
+LONG = "NOC, every term of Eq. (92)"
+SHORT = "NOC, one recursion"
+WITH_L = "NOC, with L"
+MULTIPLIERS = "Lagrange multipliers"
+WORK = "virtual work"
+CHECKED = "NOC, one recursion, checked"
 INVERSE: dict[str, Callable[[Equations], ca.SX]] = {
     LONG: torques_long,
     WITH_L: torques_with_L,
@@ -167,7 +172,8 @@ ROBOTS: dict[str, Callable[[], sst_pin.ClosedChain]] = {
 def expression(e: Equations, problem: str, name: str) -> ca.Function:
     """One method for one robot: a function of q, va, aa or tau, and the symbolic parameters."""
     inverse = problem == "inverse"
-    last, output = e.aa if inverse else e.tau, (INVERSE if inverse else DIRECT)[name](e)
+    last = e.aa if inverse else e.tau
+    output = (INVERSE if inverse else DIRECT)[name](e)
     return ca.Function("count", [e.q, e.va, last, e.p], [ca.densify(output)], {"cse": True})
 
 

@@ -45,8 +45,11 @@ def readings() -> dict[str, Parameters]:
     def star(mass: float, center: float, *moments: float) -> RigidBody:
         return RigidBody(mass, (center, 0, 0), np.diag(moments))
 
-    link, passive = PAPER_LINK, PAPER_PASSIVE_LINK
-    center, g, diagonal = 0.8 / np.pi, 9.81, 9.81 / np.sqrt(3)
+    link = PAPER_LINK
+    passive = PAPER_PASSIVE_LINK
+    center = 0.8 / np.pi
+    g = 9.81
+    diagonal = 9.81 / np.sqrt(3)
     # About O the star would have a negative moment about its mass centre, which no `Parameters`
     # takes. All bodies turn about O, so the motors see mass times distance and the inertia about
     # O alone: a thousand times the mass at a thousandth of the distance is the same star to them.
@@ -109,8 +112,10 @@ def compare_referees(_: Table) -> Table:
 
 
 def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
-    parameters, t = Parameters(), np.linspace(0, PERIOD, 121)
-    ours, states = example_1(robot, t), list(zip(*paper_circle(t), strict=True))
+    parameters = Parameters()
+    t = np.linspace(0, PERIOD, 121)
+    ours = example_1(robot, t)
+    states = list(zip(*paper_circle(t), strict=True))
     motion = list(zip(ours.q, ours.va, ours.aa, strict=True))
     judges = (
         ("virtual work", VirtualWork(parameters), states, 1),
@@ -131,7 +136,8 @@ def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
         t, tau = exudyn_engine.stepped_torques(
             parameters, lambda t: paper_circle(t - early), PERIOD + early, steps * 5 // 4
         )
-        t, tau = t[steps // 4 :] - early, tau[steps // 4 :]
+        t = t[steps // 4 :] - early
+        tau = tau[steps // 4 :]
         found.append(Method(f"Exudyn, {steps} steps", t, tau, 4, rough))
     errors = []
     for method in found:
@@ -151,7 +157,9 @@ def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
 
 
 def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
-    parameters, torque, coarse = Parameters(), example.torque(), example.t[::4]
+    parameters = Parameters()
+    torque = example.torque()
+    coarse = example.t[::4]
     R, omega, _ = paper_circle(0.0)
     ours = example_2(robot, example)
     path, _ = VirtualWork(parameters).simulate(lambda t, R, omega: torque(t), R, omega, coarse)
@@ -169,7 +177,8 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
 
     errors = [Method("NOC", ours.t, angles_off_path(robot, example, ours), 0)]
     for method in found:
-        s, wanted = method.values[:, :, 0], paper_circle(method.t).R[:, :, 0]
+        s = method.values[:, :, 0]
+        wanted = paper_circle(method.t).R[:, :, 0]
         off = np.arctan2(np.linalg.norm(np.cross(s, wanted), axis=1), (s * wanted).sum(axis=1))
         errors.append(method._replace(values=off))
     for method in errors:
@@ -178,7 +187,8 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
     with plots.style():
         figure = Figure(figsize=(3.5, 5.8), layout="constrained")
         grid = figure.add_gridspec(2, 1, height_ratios=(1.25, 1))
-        top, bottom = figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[1])
+        top = figure.add_subplot(grid[0], projection="3d")
+        bottom = figure.add_subplot(grid[1])
         marked = [method for method in found if not method.rough]
         method_figures.paths_of_methods(top, robot, example, ours, marked)
         bottom.plot([], [], color="0.8", linewidth=4, label="wanted path")

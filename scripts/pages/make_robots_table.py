@@ -42,7 +42,8 @@ def table(_: Table) -> Table:
     rows: Table = [("robot", "what it is", *COUNTS, "torque error")]
     for name in filter(str.islower, robots.__all__):
         build = getattr(robots, name)
-        chain, what = build(), build.__doc__.split("\n")[0].rstrip(".")
+        chain = build()
+        what = build.__doc__.split("\n")[0].rstrip(".")
         tau, exact = reference_torques(chain, REFERENCE[name]["states"])
         error = (np.abs(tau - exact) / np.abs(exact).max(axis=1, keepdims=True)).max()
         numbers = counts(chain, chain.mobility(chain.home))

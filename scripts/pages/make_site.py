@@ -126,7 +126,8 @@ def _with_equations(text: str) -> str:
             return found[0]
         number = ""
         if tagged := re.search(r"\\tag\{([^}]*)\}", latex):
-            latex, number = latex.replace(tagged[0], ""), f"<span>({html.escape(tagged[1])})</span>"
+            latex = latex.replace(tagged[0], "")
+            number = f"<span>({html.escape(tagged[1])})</span>"
         mathml = convert(latex.strip(), display="block" if found["block"] else "inline")
         # Markdown reads no emphasis, links or escapes in it.
         mathml = re.sub(r"[*_\[\]\\]", lambda sign: f"&#{ord(sign[0])};", mathml)

@@ -23,7 +23,8 @@ from tests.support.files import load
 tables = load("scripts/pages/markdown_tables.py")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGE, FOLDER = DOCS / "standard_problems.md", DOCS / "standard_problems"
+PAGE = DOCS / "standard_problems.md"
+FOLDER = DOCS / "standard_problems"
 HEADER = ("quantity", "published", "this package", "difference")
 
 
@@ -49,14 +50,18 @@ def andrews_at_its_end() -> list[tuple[str, ...]]:
 def table(problem: Problem, motion: Any, exact: np.ndarray | None) -> list[tuple[str, ...]]:
     """What is published at some times, and the whole motion against the independent equations."""
     rows: list[tuple[str, ...]] = [HEADER]
-    ours, end = problem.of(problem.chain, motion), motion.t[-1]
+    ours = problem.of(problem.chain, motion)
+    end = motion.t[-1]
     at_the_end = tuple((end, name, "-") for name in problem.columns)
     for t, name, published in problem.published or at_the_end:
-        i, j = int(np.argmin(np.abs(problem.t - t))), problem.columns.index(name)
-        found, off = f"stops at {end:g} s", "-"
+        i = int(np.argmin(np.abs(problem.t - t)))
+        j = problem.columns.index(name)
+        found = f"stops at {end:g} s"
+        off = "-"
         if t <= end + 1e-9:
             truth = float(published.split(",")[0]) if exact is None else exact[i, j]
-            found, off = f"{ours[i, j]:.10f}", f"{abs(ours[i, j] - truth):.0e}"
+            found = f"{ours[i, j]:.10f}"
+            off = f"{abs(ours[i, j] - truth):.0e}"
         rows.append((f"{name} at {t:g} s", published, found, off))
     if exact is not None:
         worst = np.abs(ours - exact[: len(ours)]).max()
@@ -74,7 +79,8 @@ def picture(problem: Problem, motion: Any) -> Figure:
         robot = figure.add_subplot(1, 2, 1, projection="3d")
         shapes = chain.visual_model.geometryObjects
         for body in (shape for shape in shapes if not shape.name.startswith("joint_")):
-            at, shape = data.oMi[body.parentJoint] * body.placement, body.geometry
+            at = data.oMi[body.parentJoint] * body.placement
+            shape = body.geometry
             half = getattr(shape, "halfSide", None)
             half = (
                 np.array([0, 0, shape.halfLength]) if half is None else half * (half == max(half))

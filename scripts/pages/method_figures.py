@@ -50,7 +50,8 @@ def differences(ax: Axes, methods: Sequence[Method], what: str) -> Axes:
     for number, method in enumerate(methods):
         colour, _ = MARKERS[method.marker]
         seen = method.values > 0
-        t, values = method.t[seen], method.values[seen]
+        t = method.t[seen]
+        values = method.values[seen]
         dashes = (0, (4, 2)) if method.rough else "-"
         ax.semilogy(t, values, color=colour, linestyle=dashes, linewidth=0.8, alpha=0.8)
         if seen.any() and not method.rough:

@@ -71,7 +71,8 @@ def run(page: str) -> Iterator[tuple[Block, str]]:
     """What each output block should hold, as the page is run in the current folder."""
     from sst_pin.cli import main
 
-    session, printed = {"__name__": "__main__"}, ""
+    session = {"__name__": "__main__"}
+    printed = ""
     for block in blocks(page):
         if not block.run:
             continue
@@ -122,7 +123,8 @@ def main() -> None:
             paste(path.read_text(encoding="utf-8"), arguments.paste)
         return
     for path in arguments.pages:
-        page, here = path.read_text(encoding="utf-8"), Path.cwd()
+        page = path.read_text(encoding="utf-8")
+        here = Path.cwd()
         with tempfile.TemporaryDirectory() as folder:
             Path(folder, "examples").symlink_to(ROOT / "examples")
             os.chdir(folder)

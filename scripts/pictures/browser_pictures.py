@@ -27,8 +27,11 @@ aside, #views, #labels { display: none !important; }
 
 def sway(robot: ClosedChain, q: np.ndarray, size: float) -> Trajectory:
     """A motion from a configuration and back, each coordinate a sine of its own phase."""
-    n, w, h = robot.degrees_of_freedom, np.pi, 1 / 30
-    t, phase = np.arange(61) * h, np.arange(n)
+    n = robot.degrees_of_freedom
+    w = np.pi
+    h = 1 / 30
+    t = np.arange(61) * h
+    phase = np.arange(n)
     va = size * np.sin(w * t[:, None] + phase)
     configurations = [q]
     for middle in t[:-1] + h / 2:
@@ -89,7 +92,8 @@ def screens_desk() -> Image.Image:
 
 def screens_ghost() -> Image.Image:
     """A delta that carries 0.6 kg and does not know it, with the planned motion as a ghost."""
-    model, robot = robots.delta(), robots.delta(platform_mass=0.75)
+    model = robots.delta()
+    robot = robots.delta(platform_mass=0.75)
     t = np.linspace(0, 1, 61)
     turn = 2 * np.pi * t
     way = np.column_stack([0.12 * np.sin(turn), 0.08 * np.cos(turn), 0 * t - 0.25])
@@ -116,10 +120,14 @@ def reactions() -> Image.Image:
 def robots_at_home() -> Image.Image:
     """The robots of the gallery and the SST, which has two cells, at home."""
     names = ["sst", *(name for name in robots.__all__ if name.islower())]
-    columns, width, height, edge = 5, 300, 280, 34
+    columns = 5
+    width = 300
+    height = 280
+    edge = 34
     rows = -(-(len(names) + 1) // columns)
     picture = Image.new("RGB", (columns * width, rows * height), "white")
-    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(24)
+    draw = ImageDraw.Draw(picture)
+    font = ImageFont.load_default(24)
     with pictures.browser() as chromium:
         for k, name in enumerate(names):
             cells = 2 if k == 0 else 1

@@ -28,7 +28,8 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 def robot() -> Figure:
     """The paper's robot on its circle, and the torques along it."""
-    robot, motion = SST(), example_1(SST(), np.linspace(0, PERIOD, 401))
+    robot = SST()
+    motion = example_1(SST(), np.linspace(0, PERIOD, 401))
     with plots.style():
         figure = Figure(figsize=(7.5, 3.4), layout="constrained")
         left = figure.add_subplot(1, 2, 1, projection="3d")
@@ -48,9 +49,11 @@ def summary() -> Figure:
 
 def workspace() -> Figure:
     """Where the paper's robot can point its axis, at two roll angles, and what holding it takes."""
-    robot, side = SST(), np.radians(np.linspace(-4, 94, 99))
+    robot = SST()
+    side = np.radians(np.linspace(-4, 94, 99))
     circle = paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
-    middle, angles = (1, 1, 1), {"pitch": side - np.pi / 2, "yaw": side}
+    middle = (1, 1, 1)
+    angles = {"pitch": side - np.pi / 2, "yaw": side}
     # Angles are theta = yaw, phi = pitch + 90 deg and psi = roll of the paper.
     angles["rotation"] = orientation(0.0, np.pi / 2, 0.0)
     with plots.style():
@@ -69,9 +72,11 @@ def workspace() -> Figure:
 
 def reach() -> Figure:
     """Where a five-bar and a delta reach, and what 1 kg at the delta takes of motors of 1.2 N m."""
-    side, weight = np.linspace(-0.14, 0.14, 71), (0.0, 0.0, -9.81, 0.0, 0.0, 0.0)
+    side = np.linspace(-0.14, 0.14, 71)
+    weight = (0.0, 0.0, -9.81, 0.0, 0.0, 0.0)
     lift = reach_map(gallery.five_bar(), "platform", x=side, y=np.linspace(-0.18, 0.18, 91))
-    x, z = np.linspace(-0.42, 0.42, 71), np.linspace(-0.5, 0.02, 45)
+    x = np.linspace(-0.42, 0.42, 71)
+    z = np.linspace(-0.5, 0.02, 45)
     load = reach_map(gallery.delta(), "platform", 1.2, x=x, z=z, wrench=weight)
     with plots.style():
         figure = Figure(figsize=(7.5, 3.3), layout="constrained")
@@ -128,7 +133,8 @@ def who_acts() -> Figure:
 
 def adams() -> Figure:
     """Sizes of the torques of a spherical 3-RRR: ours as lines, those of ADAMS as marks."""
-    t, theirs = adams_spherical_3rrr.DATA["t"], np.abs(adams_spherical_3rrr.DATA["tau"])
+    t = adams_spherical_3rrr.DATA["t"]
+    theirs = np.abs(adams_spherical_3rrr.DATA["tau"])
     ours = np.abs(adams_spherical_3rrr.torques())
     with plots.style():
         figure = Figure(figsize=(7.5, 2.8), layout="constrained")

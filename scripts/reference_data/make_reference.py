@@ -19,7 +19,8 @@ from plain_numbers import describe
 from tests.data import REFERENCE, REFERENCE_PATH
 from tests.gallery import EVERY_ROBOT
 
-STATES, DIGITS = 10, 40
+STATES = 10
+DIGITS = 40
 
 
 def chains():
@@ -30,7 +31,8 @@ def chains():
 def states_of(name, record, home, count=STATES):
     """Random states near home with their dynamics."""
     mp.dps = 60
-    robot, numbers = ExactRobot(record), random.Random(name)
+    robot = ExactRobot(record)
+    numbers = random.Random(name)
 
     def decimals(count, width):
         return [mpf(repr(round(numbers.uniform(-width, width), 3))) for _ in range(count)]

@@ -31,7 +31,8 @@ def describe(chain) -> dict:
 
 
 def _joint(model, i) -> dict:
-    joint, body = model.joints[i], model.inertias[i]
+    joint = model.joints[i]
+    body = model.inertias[i]
     short = joint.shortname().removeprefix("JointModel")
     kind = KINDS[short.removesuffix("Unaligned").rstrip("XYZ") or short]
     record = {"name": model.names[i], "type": kind}
