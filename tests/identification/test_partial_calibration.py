@@ -86,6 +86,34 @@ def test_a_ball_bar_from_an_unknown_post_tells_the_motors_and_the_post():
     assert_found(result, errors | {"post.x": -0.002, "post.y": 0.001, "post.z": -0.003})
 
 
+@pytest.mark.parametrize("post", [(0.1, -0.05, -0.4), (0.5, 0.3, 0.2), (-0.2, 0.1, -0.6)])
+def test_a_ball_bar_whose_post_is_unknown_tells_the_motors_and_the_post(post):
+    """The post may be anywhere: its first guess is that of trilateration."""
+    drawn, errors, x, poses = delta()
+    lengths = np.linalg.norm(poses[:, :3, 3] - post, axis=1)
+    bar = Distances("platform", x, distances=lengths, unknown_base=True, name="post")
+    result = calibrate_with(drawn, [bar], which=MOTORS)
+    assert_found(result, errors)
+    assert_allclose(result.placements["post_base"][:3, 3], post, atol=1e-9)
+    assert {"post_base.rx", "post_base.ry", "post_base.rz"} <= set(result.hidden)
+
+
+def test_a_ball_bar_in_the_plane_of_a_planar_robot_tells_its_post():
+    drawn = sst_pin.robots.five_bar()
+    angles = drawn.home[[drawn.position_names.index(name) for name in drawn.coordinates]]
+    x = angles + np.random.default_rng(0).uniform(-0.2, 0.2, (12, 2))
+    (first,) = [name for name in drawn.coordinates if name.endswith("1")]
+    real = drawn.with_design({f"{first}.length": 1e-3})
+    p = real.frame_placement(configurations_of(real, x), "platform")[0]
+    normal = np.linalg.svd(p - p.mean(axis=0))[2][2]
+    post = p.mean(axis=0) + np.array([0.2, 0.1, 0.15])
+    post -= normal * (normal @ (post - p.mean(axis=0)))
+    bar = Distances("platform", x, distances=np.linalg.norm(p - post, axis=1), unknown_base=True)
+    result = calibrate_with(drawn, [bar], which=["elbow_1.x"])
+    assert_found(result, {"elbow_1.x": 1e-3}, atol=1e-9)
+    assert_allclose(result.placements["measured_base"][:3, 3], post, atol=1e-9)
+
+
 def test_a_tracker_with_unknown_base_and_target_is_placed_with_the_robot():
     drawn, errors, x, poses = delta()
     tracker = pin.SE3(pin.exp3(np.array([0.3, -1.0, 2.0])), np.array([2.0, 1.0, 0.5]))
@@ -202,6 +230,18 @@ def test_wrong_measurements_are_refused():
     few = Heights("platform", x[:3], heights=z[:3])
     with pytest.raises(InputError, match="3 equations for 3 errors"):
         calibrate_with(drawn, [few], which=MOTORS)
+    three = Distances("platform", x[:3], distances=np.ones(3), unknown_base=True)
+    with pytest.raises(InputError, match="at least four values"):
+        calibrate_with(drawn, [three], which=MOTORS)
+    flat = sst_pin.robots.five_bar()
+    angles = flat.home[[flat.position_names.index(name) for name in flat.coordinates]]
+    around = angles + np.random.default_rng(0).uniform(-0.2, 0.2, (12, 2))
+    q = configurations_of(flat, around)
+    above = flat.frame_placement(q, "platform")[0] - [0.1, 0.3, 0.2]  # it moves in one plane
+    lengths = np.linalg.norm(above, axis=1)
+    bar = Distances("platform", around, distances=lengths, unknown_base=True)
+    with pytest.raises(InputError, match="is on one of its sides; give a frame near it, other="):
+        calibrate_with(flat, [bar])
     base = Poses("platform", x[:2], poses=poses[:2, :3, 3], unknown_base=True)
     with pytest.raises(InputError, match="at least three whole positions"):
         calibrate_with(drawn, [base], which=MOTORS)
