@@ -100,17 +100,14 @@ def body(
 
 
 class Tree:
-    """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies.
-
-    Each method adds a part or a number to the tree.
-    """
+    """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies."""
 
     def __init__(self, name: str) -> None:
         self.model = pin.Model()
         self.visual_model = pin.GeometryModel()
         self.model.name = name
 
-    def joint(
+    def add_joint(
         self,
         name: str,
         kind: pin.JointModel,
@@ -126,27 +123,27 @@ class Tree:
             shape.meshColor = _GREY
             self.visual_model.addGeometryObject(shape)
 
-    def limits(self, name: str, low: float, high: float) -> None:
+    def set_limits(self, name: str, low: float, high: float) -> None:
         """Limit the position of a joint with one rate, [rad] or [m]."""
         i = self.model.joints[self.model.getJointId(name)].idx_q
         self.model.lowerPositionLimit[i] = low
         self.model.upperPositionLimit[i] = high
 
-    def hinge(
+    def add_hinge(
         self, name: str, solids: Solids, parent: str = "universe", at: pin.SE3 = HERE
     ) -> None:
         """Add a joint that turns about z, and its body."""
-        self.joint(name, pin.JointModelRZ(), solids, parent, at)
+        self.add_joint(name, pin.JointModelRZ(), solids, parent, at)
 
-    def frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
+    def add_frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
         """Add a frame on a joint's body at a placement, or at an origin along the body's axes."""
         placement = at if isinstance(at, pin.SE3) else shift(at)
         joint = self.model.getJointId(body)
         self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
 
-    def platform(self, body: str, at: ArrayLike | pin.SE3 = (0, 0, 0)) -> None:
+    def make_platform(self, body: str, at: ArrayLike | pin.SE3 = (0, 0, 0)) -> None:
         """Make a body the platform, with the frame "platform"."""
-        self.frame("platform", body, at)
+        self.add_frame("platform", body, at)
         for shape in self.visual_model.geometryObjects:
             if shape.parentJoint == self.model.getJointId(body):
                 shape.meshColor = _ORANGE

@@ -44,11 +44,13 @@ class _Drive:
     #: Whether the rod stays in the plane of the crank, so that it needs only a hinge there.
     is_planar: bool
 
-    def add(self, tree: Tree, parent: str, at: pin.SE3, rod_mass: float, crank_mass: float) -> None:
+    def add(
+        self, tree: Tree, parent: str, at: pin.SE3, *, rod_mass: float, crank_mass: float
+    ) -> None:
         """Add crank and rod; `at` is the placement of the link's joint on the parent."""
         motor = f"motor_{self.name}"
         crank = rod(crank_mass, (-self.crank, 0, 0), 0.008)
-        tree.joint(motor, _RY(), crank, parent, at * shift(self.motor))
+        tree.add_joint(motor, _RY(), crank, parent, at * shift(self.motor))
         if self.is_planar:
             kind = _RY()
             radius = 0.006
@@ -57,12 +59,12 @@ class _Drive:
             kind = pin.JointModelUniversal(x, y)
             radius = 0.005
         bars = rod(rod_mass, (0, 0, -self.length), radius)
-        tree.joint(f"rod_{self.name}", kind, bars, motor, shift((-self.crank, 0)))
-        tree.frame(f"end_{self.name}", f"rod_{self.name}", (0, 0, -self.length))
+        tree.add_joint(f"rod_{self.name}", kind, bars, motor, shift((-self.crank, 0)))
+        tree.add_frame(f"end_{self.name}", f"rod_{self.name}", (0, 0, -self.length))
 
     def add_closure(self, tree: Tree) -> Closure:
         """Add the ball between the rod and the link."""
-        tree.frame(f"lever_{self.name}", self.link, self.eye)
+        tree.add_frame(f"lever_{self.name}", self.link, self.eye)
         return Closure(f"lever_{self.name}", f"end_{self.name}", "3d")
 
     def joints(self, R: Array) -> Joints:
@@ -165,7 +167,7 @@ def knee(
     closures = _add_knee(
         tree, "universe", at, drive, rod_mass=rod_mass, shank_mass=link_mass, shank=shank
     )
-    tree.platform("knee")
+    tree.make_platform("knee")
     home = at * pin.SE3(_pitch_roll(0.8), np.zeros(3))
     return GalleryRobot(tree, closures, ["motor_knee"], partial(_knee_joints, drive), home)
 
@@ -201,7 +203,7 @@ def leg(
     tree = Tree("leg")
     knee_drive = _knee_drive(0.6 * thigh, lever, 0.8 * lever)
     ankle_drives = _ankle_drives(width, lever, (0.65 * shank, 0.45 * shank))
-    tree.joint("hip", _RY(), rod(thigh_mass, (0, 0, -thigh), 0.04))
+    tree.add_joint("hip", _RY(), rod(thigh_mass, (0, 0, -thigh), 0.04))
     closures = _add_knee(
         tree,
         "hip",
@@ -274,8 +276,8 @@ def _add_knee(
 
     The crank has the mass of the rod. `shank` is the length from knee to ankle.
     """
-    drive.add(tree, parent, at, rod_mass, rod_mass)
-    tree.joint("knee", _RY(), rod(shank_mass, (0, 0, -shank), 0.03), parent, at)
+    drive.add(tree, parent, at, rod_mass=rod_mass, crank_mass=rod_mass)
+    tree.add_joint("knee", _RY(), rod(shank_mass, (0, 0, -shank), 0.03), parent, at)
     return [drive.add_closure(tree)]
 
 
@@ -295,14 +297,14 @@ def _add_ankle(
     platform.
     """
     for drive in drives:
-        drive.add(tree, parent, at, rod_mass, crank_mass)
+        drive.add(tree, parent, at, rod_mass=rod_mass, crank_mass=crank_mass)
     size = drives[0].crank  # also the length of the levers: the foot is drawn by it
-    tree.joint("ankle_pitch", _RY(), disc(0.05 * foot_mass, 0.4 * size, 0.4 * size), parent, at)
+    tree.add_joint("ankle_pitch", _RY(), disc(0.05 * foot_mass, 0.4 * size, 0.4 * size), parent, at)
     edges = np.multiply(size, (4.8, 1.8, 0.6))
     centre = np.multiply(size, (0.8, 0, -1))
     foot = box(0.95 * foot_mass, edges, centre)
-    tree.joint("ankle_roll", pin.JointModelRX(), foot, "ankle_pitch")
-    tree.platform("ankle_roll")
+    tree.add_joint("ankle_roll", pin.JointModelRX(), foot, "ankle_pitch")
+    tree.make_platform("ankle_roll")
     return [drive.add_closure(tree) for drive in drives]
 
 
@@ -338,7 +340,7 @@ def _leg_joints(
     """
     thigh, shank = lengths
     x, _, z = pose.translation
-    hip, bend = two_link((-z, -x), thigh, shank, 1)
+    hip, bend = two_link((-z, -x), thigh, shank, elbow=1)
     joints: Joints = {"hip": hip, "knee": bend}
     joints |= knee_drive.joints(_pitch_roll(bend))
     foot_on_shank = pin.SE3(_pitch_roll(-hip - bend) @ pose.rotation, np.zeros(3))

@@ -104,19 +104,19 @@ def _spherical_3rrr(
     for k in _LEGS:
         upper = arc(proximal_mass, np.pi / 2, radius, thickness)
         lower = arc(distal_mass, np.pi / 2, 0.85 * radius, thickness)
-        tree.hinge(f"motor_{k}", upper, at=_motor_on_base(k))
-        tree.hinge(f"elbow_{k}", lower, f"motor_{k}", quarter)
+        tree.add_hinge(f"motor_{k}", upper, at=_motor_on_base(k))
+        tree.add_hinge(f"elbow_{k}", lower, f"motor_{k}", quarter)
         if k == 1:
             plate = []
             for j in _LEGS:
                 spoke = 0.7 * radius * (platform * _wrist_on_platform(j)).rotation[:, 2]
                 plate += rod(platform_mass / 3, spoke, thickness)
             plate += [solid._replace(at=platform * solid.at) for solid in payload]
-            tree.hinge("wrist_1", plate, "elbow_1", quarter)
-            tree.platform("wrist_1", platform)
+            tree.add_hinge("wrist_1", plate, "elbow_1", quarter)
+            tree.make_platform("wrist_1", platform)
         else:
-            tree.frame(f"end_{k}", f"elbow_{k}", quarter)
-            tree.frame(f"axis_{k}", "wrist_1", platform * _wrist_on_platform(k))
+            tree.add_frame(f"end_{k}", f"elbow_{k}", quarter)
+            tree.add_frame(f"axis_{k}", "wrist_1", platform * _wrist_on_platform(k))
     closures = [Closure(f"axis_{k}", f"end_{k}", "hinge") for k in _LEGS[1:]]
     motors = [f"motor_{k}" for k in _LEGS]
     return GalleryRobot(tree, closures, motors, _spherical_joints, HERE)
@@ -201,12 +201,12 @@ def bennett(
     crank_bar = bar(linear_density * crank, crank, radius)
     coupler_bar = bar(linear_density * coupler, coupler, radius)
     tree = Tree("bennett")
-    tree.hinge("crank", crank_bar)
-    tree.hinge("coupler", coupler_bar, "crank", over_crank)
-    tree.hinge("follower", crank_bar, "coupler", over_coupler)
-    tree.frame("ground_pin", "universe", over_coupler.inverse())
-    tree.frame("follower_pin", "follower", over_crank)
-    tree.platform("coupler", (coupler / 2, 0))
+    tree.add_hinge("crank", crank_bar)
+    tree.add_hinge("coupler", coupler_bar, "crank", over_crank)
+    tree.add_hinge("follower", crank_bar, "coupler", over_coupler)
+    tree.add_frame("ground_pin", "universe", over_coupler.inverse())
+    tree.add_frame("follower_pin", "follower", over_crank)
+    tree.make_platform("coupler", (coupler / 2, 0))
     closures = [Closure("ground_pin", "follower_pin", "hinge")]
 
     ratio = np.sin((coupler_twist + twist) / 2) / np.sin((coupler_twist - twist) / 2)

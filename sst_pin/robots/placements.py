@@ -53,10 +53,11 @@ def angle_about_z(R: Array) -> float:
     return angle_of(R[:, 0])
 
 
-def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
+def two_link(target: ArrayLike, first: float, second: float, *, elbow: int) -> tuple[float, float]:
     """Angles of a planar two-link arm whose tip is at a point relative to its shoulder, [rad].
 
-    The shoulder angle is from the x axis; the elbow angle, of sign `elbow`, from the first link.
+    The shoulder angle is from the x axis, the elbow angle from the first link. Of the two
+    solutions, the one whose elbow angle has the sign `elbow`, 1 or -1, is returned.
     """
     x, y, *_ = np.asarray(target, dtype=float)
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)

@@ -54,14 +54,14 @@ def four_bar(
         ("coupler", "crank", shift((crank, 0)), max(point, coupler)),
         ("rocker", "universe", UPRIGHT * shift((ground, 0)), rocker),
     ):
-        tree.hinge(name, bar(linear_density * length, length, radius), parent, at)
-    tree.frame("coupler_pin", "coupler", (coupler, 0))
-    tree.frame("rocker_pin", "rocker", (rocker, 0))
-    tree.platform("coupler", (point, 0))
+        tree.add_hinge(name, bar(linear_density * length, length, radius), parent, at)
+    tree.add_frame("coupler_pin", "coupler", (coupler, 0))
+    tree.add_frame("rocker_pin", "rocker", (rocker, 0))
+    tree.make_platform("coupler", (point, 0))
     # At home the crank stands at 60 degrees, and its pin at (x, y).
     x = crank * np.cos(np.pi / 3)
     y = crank * np.sin(np.pi / 3)
-    angle, _ = two_link((ground - x, -y), coupler, rocker, -1)
+    angle, _ = two_link((ground - x, -y), coupler, rocker, elbow=-1)
     home = UPRIGHT * planar(x, y, angle) * shift((point, 0))
     joints = partial(_four_bar_joints, coupler, ground, point)
     return GalleryRobot(tree, [Closure("coupler_pin", "rocker_pin", "3d")], ["crank"], joints, home)
@@ -105,8 +105,8 @@ def five_bar(
     lengths = (proximal, distal)
     for k, x in enumerate((-span / 2, span / 2), 1):
         _add_arm(tree, k, (x, 0), lengths, linear_density, radius)
-        tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
-    tree.platform("elbow_1", (distal, 0))
+        tree.add_frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
+    tree.make_platform("elbow_1", (distal, 0))
     joints = partial(_five_bar_joints, span, lengths)
     reach = 0.85 * (proximal + distal)
     home = shift((0, np.sqrt(np.maximum(reach**2 - span**2 / 4, 0))))
@@ -119,7 +119,7 @@ def _five_bar_joints(span: float, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, side in ((1, -1), (2, 1)):
         target = pose.translation - (side * span / 2, 0, 0)
-        shoulder, elbow = two_link(target, lengths[0], lengths[1], side)
+        shoulder, elbow = two_link(target, lengths[0], lengths[1], elbow=side)
         joints[f"shoulder_{k}"] = shoulder
         joints[f"elbow_{k}"] = elbow
     return joints
@@ -219,11 +219,11 @@ def _planar_platform(
     for k in legs:
         _add_arm(tree, k, base[k - 1], lengths, linear_density, radius)
         if k == 1:
-            tree.hinge("wrist_1", plate, "elbow_1", shift((distal, 0)))
-            tree.platform("wrist_1", -vertices[0])
+            tree.add_hinge("wrist_1", plate, "elbow_1", shift((distal, 0)))
+            tree.make_platform("wrist_1", -vertices[0])
         else:
-            tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
-            tree.frame(f"vertex_{k}", "wrist_1", vertices[k - 1] - vertices[0])
+            tree.add_frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
+            tree.add_frame(f"vertex_{k}", "wrist_1", vertices[k - 1] - vertices[0])
     closures = [Closure(f"vertex_{k}", f"tip_{k}", "3d") for k in legs[1:]]
     joints = partial(_planar_joints, base, vertices, lengths)
     motors = [f"shoulder_{k}" for k in legs]
@@ -234,7 +234,7 @@ def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE
     """Inverse kinematics: each leg is a two-link arm to its vertex; base, vertices (legs, 3)."""
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
-        shoulder, elbow = two_link(pose.act(vertex) - foot, lengths[0], lengths[1], 1)
+        shoulder, elbow = two_link(pose.act(vertex) - foot, lengths[0], lengths[1], elbow=1)
         joints[f"shoulder_{k}"] = shoulder
         joints[f"elbow_{k}"] = elbow
     turn = angle_about_z(pose.rotation) - joints["shoulder_1"] - joints["elbow_1"]
@@ -249,5 +249,5 @@ def _add_arm(
     proximal, distal = lengths
     upper = bar(linear_density * proximal, proximal, radius)
     lower = bar(linear_density * distal, distal, radius)
-    tree.hinge(f"shoulder_{k}", upper, at=shift(foot))
-    tree.hinge(f"elbow_{k}", lower, f"shoulder_{k}", shift((proximal, 0)))
+    tree.add_hinge(f"shoulder_{k}", upper, at=shift(foot))
+    tree.add_hinge(f"elbow_{k}", lower, f"shoulder_{k}", shift((proximal, 0)))

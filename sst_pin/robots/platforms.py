@@ -50,8 +50,10 @@ def stewart(
     tree = Tree("stewart")
     base = circle(base_radius, _pairs(base_spread))
     vertices = circle(platform_radius, _pairs(platform_spread))
-    tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.03))
-    tree.platform("platform")
+    tree.add_joint(
+        "platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.03)
+    )
+    tree.make_platform("platform")
     closures, motors = _add_struts(
         tree, base, vertices, retracted, barrel_mass=barrel_mass, rod_mass=rod_mass
     )
@@ -97,10 +99,10 @@ def ups_pu(
     angles = 2 * np.pi / 3 * np.arange(3)
     base = circle(base_radius, angles)
     vertices = circle(platform_radius, angles)
-    tree.joint("post", pin.JointModelPZ(), rod(post_mass, (0, 0, post), 0.03))
+    tree.add_joint("post", pin.JointModelPZ(), rod(post_mass, (0, 0, post), 0.03))
     plate = disc(platform_mass, platform_radius, 0.03)
-    tree.joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
-    tree.platform("platform")
+    tree.add_joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
+    tree.make_platform("platform")
     closures, motors = _add_struts(
         tree, base, vertices, retracted, barrel_mass=barrel_mass, rod_mass=rod_mass
     )
@@ -149,15 +151,17 @@ def hexaglide(
     rails = single_array("rails", rails, (6,))
     tree = Tree("hexaglide")
     vertices = circle(platform_radius, _pairs(platform_spread) - np.pi / 2)
-    tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.02))
-    tree.platform("platform")
+    tree.add_joint(
+        "platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.02)
+    )
+    tree.make_platform("platform")
     for k, (y, vertex) in enumerate(zip(rails, vertices, strict=True), 1):
         carriage = box(carriage_mass, (0.08, 0.04, 0.04))
-        tree.joint(f"carriage_{k}", pin.JointModelPX(), carriage, at=shift((0, y)))
+        tree.add_joint(f"carriage_{k}", pin.JointModelPX(), carriage, at=shift((0, y)))
         strut_rod = rod(strut_mass, (0, 0, strut), 0.01)
-        tree.joint(f"strut_{k}", pin.JointModelUniversal(_X, _Y), strut_rod, f"carriage_{k}")
-        tree.frame(f"end_of_strut_{k}", f"strut_{k}", (0, 0, strut))
-        tree.frame(f"ball_{k}", "platform", vertex)
+        tree.add_joint(f"strut_{k}", pin.JointModelUniversal(_X, _Y), strut_rod, f"carriage_{k}")
+        tree.add_frame(f"end_of_strut_{k}", f"strut_{k}", (0, 0, strut))
+        tree.add_frame(f"ball_{k}", "platform", vertex)
     closures = [Closure(f"ball_{k}", f"end_of_strut_{k}", "3d") for k in range(1, 7)]
     joints = partial(_hexaglide_joints, rails, vertices, strut)
     motors = [f"carriage_{k}" for k in range(1, 7)]
@@ -212,13 +216,13 @@ def _add_struts(
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         barrel = rod(barrel_mass, (0, 0, 0.8 * retracted), 0.025)
         piston = rods(rod_mass, [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
-        tree.joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
+        tree.add_joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
         at = shift((0, 0, retracted))
-        tree.joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)
+        tree.add_joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)
         # The piston stays in its barrel.
-        tree.limits(f"stroke_{k}", -0.2 * retracted, 0.4 * retracted)
-        tree.frame(f"end_of_rod_{k}", f"stroke_{k}", (0, 0))
-        tree.frame(f"ball_{k}", "platform", vertex)
+        tree.set_limits(f"stroke_{k}", -0.2 * retracted, 0.4 * retracted)
+        tree.add_frame(f"end_of_rod_{k}", f"stroke_{k}", (0, 0))
+        tree.add_frame(f"ball_{k}", "platform", vertex)
         closures.append(Closure(f"ball_{k}", f"end_of_rod_{k}", "3d"))
         motors.append(f"stroke_{k}")
     return closures, motors
@@ -270,21 +274,21 @@ def delta(
     for k in (1, 2, 3):
         leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
         motor = leg * shift((base_radius, 0))
-        tree.joint(f"motor_{k}", pin.JointModelRY(), bar(arm_mass, arm, 0.008), at=motor)
+        tree.add_joint(f"motor_{k}", pin.JointModelRY(), bar(arm_mass, arm, 0.008), at=motor)
         for name, offset in ((f"{k}a", spacing / 2), (f"{k}b", -spacing / 2)):
             bars = rod(rod_mass, end, 0.004)
             at = shift((arm, offset))
             kind = pin.JointModelUniversal(_X, _Y)
-            tree.joint(f"rod_{name}", kind, bars, f"motor_{k}", at)
+            tree.add_joint(f"rod_{name}", kind, bars, f"motor_{k}", at)
             if name == "1a":
                 plate = disc(platform_mass, platform_radius, 0.01)
                 plate = [solid._replace(at=shift(-first)) for solid in plate]
-                tree.joint("ball", pin.JointModelSpherical(), plate, "rod_1a", shift(end))
-                tree.platform("ball", -first)
+                tree.add_joint("ball", pin.JointModelSpherical(), plate, "rod_1a", shift(end))
+                tree.make_platform("ball", -first)
             else:
                 vertex = leg.act(np.array([platform_radius, offset, 0]))
-                tree.frame(f"end_{name}", f"rod_{name}", end)
-                tree.frame(f"ball_{name}", "ball", vertex - first)
+                tree.add_frame(f"end_{name}", f"rod_{name}", end)
+                tree.add_frame(f"ball_{name}", "ball", vertex - first)
                 closures.append(Closure(f"ball_{name}", f"end_{name}", "3d"))
     joints = partial(_delta_joints, (base_radius, platform_radius), arm, forearm)
     motors = [f"motor_{k}" for k in (1, 2, 3)]
@@ -306,7 +310,7 @@ def _delta_joints(radii: tuple[float, float], arm: float, forearm: float, pose: 
     for k in (1, 2, 3):
         leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
         x, y, z = leg.actInv(pose.translation) - (base_radius - platform_radius, 0, 0)
-        motor, _ = two_link((x, -z), arm, np.sqrt(forearm**2 - y**2), 1)
+        motor, _ = two_link((x, -z), arm, np.sqrt(forearm**2 - y**2), elbow=1)
         R_arm = rpyToMatrix(0.0, motor, 0.0)
         # The rod in the frame of the arm; turns about x and then y bring -z to it.
         dx, dy, dz = R_arm.T @ (x, y, z) - (arm, 0, 0)

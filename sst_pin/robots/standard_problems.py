@@ -42,14 +42,14 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
     at = HERE
     for k, (kind, edge) in enumerate(zip((_RY, _RZ, _RX, _RY, _RZ), edges, strict=True), 1):
         size = np.maximum(np.abs(edge), thickness)
-        tree.joint(f"hinge_{k}", kind(), box(mass, size, edge / 2), parent, at)
+        tree.add_joint(f"hinge_{k}", kind(), box(mass, size, edge / 2), parent, at)
         parent = f"hinge_{k}"
         at = shift(edge)
     # The last hinge turns about x; hinge closures turn about z of their frames.
     z_to_x = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    tree.frame("ground_pin", "universe", pin.SE3(z_to_x, np.array([0, 0, length])))
-    tree.frame("end_pin", parent, pin.SE3(z_to_x, edges[-1]))
-    tree.platform("hinge_3")
+    tree.add_frame("ground_pin", "universe", pin.SE3(z_to_x, np.array([0, 0, length])))
+    tree.add_frame("end_pin", parent, pin.SE3(z_to_x, edges[-1]))
+    tree.make_platform("hinge_3")
     closures = [Closure("ground_pin", "end_pin", "hinge")]
     joints = partial(_bricard_joints, length)
     return GalleryRobot(tree, closures, ["hinge_1"], joints, shift(edges[0] + edges[1]))
@@ -110,12 +110,12 @@ def slider_crank() -> GalleryRobot:
     end = np.array([-0.3, 0.0, 0.0])
     crank = body(0.12, tip / 2, (1e-4, 1e-4, 1e-5), [np.zeros(3), tip], 0.006)
     bar = body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
-    tree.joint("crank", _RX(), crank, at=shift(_CRANK))
-    tree.joint("slider", pin.JointModelPX(), box(2.0, (0.05, 0.03, 0.03)))
+    tree.add_joint("crank", _RX(), crank, at=shift(_CRANK))
+    tree.add_joint("slider", pin.JointModelPX(), box(2.0, (0.05, 0.03, 0.03)))
     x, y, _ = np.eye(3)
-    tree.joint("rod", pin.JointModelUniversal(x, y), bar, "slider")
-    tree.frame("tip", "crank", tip)
-    tree.platform("rod", end)
+    tree.add_joint("rod", pin.JointModelUniversal(x, y), bar, "slider")
+    tree.add_frame("tip", "crank", tip)
+    tree.make_platform("rod", end)
     about_x, about_y = _rod_turns(_CRANK + tip, 0.2)
     home = rotation_x_then_y(about_x, about_y)
     ball = [Closure("tip", "platform", "3d")]

@@ -61,21 +61,21 @@ def scissor_lift(
     def add_zigzag(names: list[str], parent: str, at: pin.SE3) -> None:
         """Add arms end to end, from a place on a parent."""
         for name in names:
-            tree.hinge(name, bar(arm_mass, arm, radius), parent, at)
-            tree.frame(f"middle_of_{name}", name, (arm / 2, 0))
+            tree.add_hinge(name, bar(arm_mass, arm, radius), parent, at)
+            tree.add_frame(f"middle_of_{name}", name, (arm / 2, 0))
             parent = name
             at = tip
         if parent.startswith("b"):  # the last arm b ends at the upper left: it has the platform
             plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
-            tree.hinge("platform_hinge", plate, parent, tip)
-            tree.platform("platform_hinge")
-            tree.joint("platform_slider", pin.JointModelPX(), foot, "platform_hinge")
-            tree.frame("corner", "platform_slider", (0, 0))
+            tree.add_hinge("platform_hinge", plate, parent, tip)
+            tree.make_platform("platform_hinge")
+            tree.add_joint("platform_slider", pin.JointModelPX(), foot, "platform_hinge")
+            tree.add_frame("corner", "platform_slider", (0, 0))
         else:
-            tree.frame("tip", parent, tip)
+            tree.add_frame("tip", parent, tip)
 
     add_zigzag(on_hinge, "universe", UPRIGHT)
-    tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
+    tree.add_joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
     add_zigzag(on_slider, "slider", HERE)
     closures = [Closure(f"middle_of_a_{k}", f"middle_of_b_{k}", "3d") for k in range(1, cells + 1)]
     closures += [Closure("corner", "tip", "3d")]
@@ -129,13 +129,13 @@ class _Cylinder:
             at = UPRIGHT * shift(self.foot)
         else:
             at = shift(self.foot)
-        tree.hinge(barrel_joint, barrel, self.carrier, at)
-        tree.joint(stroke, pin.JointModelPX(), piston, barrel_joint, shift((self.retracted, 0)))
-        tree.frame(f"{self.name}_eye", stroke, (0, 0))
+        tree.add_hinge(barrel_joint, barrel, self.carrier, at)
+        tree.add_joint(stroke, pin.JointModelPX(), piston, barrel_joint, shift((self.retracted, 0)))
+        tree.add_frame(f"{self.name}_eye", stroke, (0, 0))
 
     def add_closure(self, tree: Tree) -> Closure:
         """Add the lug on the driven body, and pin the end of the rod to it."""
-        tree.frame(f"{self.name}_lug", self.driven, self.lug)
+        tree.add_frame(f"{self.name}_lug", self.driven, self.lug)
         return Closure(f"{self.name}_lug", f"{self.name}_eye", "3d")
 
     def joints(self, driven_in_carrier: pin.SE3) -> Joints:
@@ -177,12 +177,13 @@ class _ExcavatorArm:
         tip = (planar(0, 0, swing) * UPRIGHT * shift(self.boom_pin)).actInv(pose)
         # Boom and arm are a two-link arm to the pin of the bucket; the bucket has the rest.
         bucket_pin = tip.act(np.array([-self.bucket, 0, 0]))
-        boom, arm = two_link(bucket_pin, self.boom, self.arm, -1)
+        boom, arm = two_link(bucket_pin, self.boom, self.arm, elbow=-1)
         bucket = float(in_one_turn(angle_about_z(tip.rotation) - boom - arm))
         # Rocker and link are a two-link arm on the arm, to the link's pin on the bucket.
         bucket_in_arm = planar(self.arm, 0, bucket)
         link_pin = bucket_in_arm.act(np.array([*self.link_pin, 0]))
-        rocker, link = two_link(link_pin - (*self.rocker_pin, 0), self.rocker, self.link, -1)
+        from_rocker_pin = link_pin - (*self.rocker_pin, 0)
+        rocker, link = two_link(from_rocker_pin, self.rocker, self.link, elbow=-1)
         joints: Joints = {
             "swing": swing,
             "boom": boom,
@@ -273,19 +274,19 @@ def excavator(
     # Joints in the order in which Pinocchio numbers them: depth first.
     boom_placement = UPRIGHT * shift(geometry.boom_pin)
     tree = Tree("excavator")
-    tree.hinge("swing", box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3)))
+    tree.add_hinge("swing", box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3)))
     geometry.boom_cylinder.add(tree, cylinder_mass)
-    tree.hinge("boom", bar(boom_mass, boom, 0.1), "swing", boom_placement)
+    tree.add_hinge("boom", bar(boom_mass, boom, 0.1), "swing", boom_placement)
     geometry.arm_cylinder.add(tree, cylinder_mass)
-    tree.hinge("arm", bar(arm_mass, arm, 0.08), "boom", shift((boom, 0)))
+    tree.add_hinge("arm", bar(arm_mass, arm, 0.08), "boom", shift((boom, 0)))
     geometry.bucket_cylinder.add(tree, cylinder_mass)
-    tree.hinge("bucket", bar(bucket_mass, bucket, 0.08), "arm", shift((arm, 0)))
-    tree.hinge("rocker", bar(link_mass, rocker, 0.03), "arm", shift(geometry.rocker_pin))
-    tree.hinge("link", bar(link_mass, link, 0.03), "rocker", shift((rocker, 0)))
+    tree.add_hinge("bucket", bar(bucket_mass, bucket, 0.08), "arm", shift((arm, 0)))
+    tree.add_hinge("rocker", bar(link_mass, rocker, 0.03), "arm", shift(geometry.rocker_pin))
+    tree.add_hinge("link", bar(link_mass, link, 0.03), "rocker", shift((rocker, 0)))
     closures = [cylinder.add_closure(tree) for cylinder in cylinders]
-    tree.platform("bucket", (bucket, 0))
-    tree.frame("end_of_link", "link", (link, 0))
-    tree.frame("pin_of_bucket", "bucket", geometry.link_pin)
+    tree.make_platform("bucket", (bucket, 0))
+    tree.add_frame("end_of_link", "link", (link, 0))
+    tree.add_frame("pin_of_bucket", "bucket", geometry.link_pin)
     closures.append(Closure("pin_of_bucket", "end_of_link", "3d"))
 
     home = boom_placement

@@ -25,13 +25,13 @@ def ladder(cells: int = 4, *, rail: float = 0.3, rung: float = 0.2) -> GalleryRo
     rails, rungs = (bar(length, length, 0.01) for length in (rail, rung))  # 1 kg per metre
     parent, at = "universe", UPRIGHT
     for k in range(1, cells + 1):
-        tree.hinge(f"right_{k}", rails, parent, at * shift((rung, 0)))
-        tree.hinge(f"left_{k}", rails, parent, at)
-        tree.hinge(f"rung_{k}", rungs, f"left_{k}", shift((rail, 0)))
-        tree.frame(f"end_of_right_{k}", f"right_{k}", (rail, 0))
-        tree.frame(f"end_of_rung_{k}", f"rung_{k}", (rung, 0))
+        tree.add_hinge(f"right_{k}", rails, parent, at * shift((rung, 0)))
+        tree.add_hinge(f"left_{k}", rails, parent, at)
+        tree.add_hinge(f"rung_{k}", rungs, f"left_{k}", shift((rail, 0)))
+        tree.add_frame(f"end_of_right_{k}", f"right_{k}", (rail, 0))
+        tree.add_frame(f"end_of_rung_{k}", f"rung_{k}", (rung, 0))
         parent, at = f"rung_{k}", HERE
-    tree.platform(parent)
+    tree.make_platform(parent)
     steps = range(1, cells + 1)
     closures = [Closure(f"end_of_rung_{k}", f"end_of_right_{k}", "3d") for k in steps]
     lengths = (cells - cells // 2) * rail, cells // 2 * rail
@@ -43,7 +43,7 @@ def ladder(cells: int = 4, *, rail: float = 0.3, rung: float = 0.2) -> GalleryRo
 
 
 def _ladder_joints(cells: int, lengths: tuple[float, float], pose: pin.SE3) -> Joints:
-    lower, bend = two_link(UPRIGHT.actInv(pose).translation, *lengths, -1)
+    lower, bend = two_link(UPRIGHT.actInv(pose).translation, *lengths, elbow=-1)
     joints: Joints = {}
     for k in range(1, cells + 1):
         lean = lower if k <= cells - cells // 2 else float(in_one_turn(lower + bend))

@@ -91,15 +91,15 @@ def free_body(
     """
     tree = Tree("free_body")
     tree.model.gravity.linear = np.asarray(gravity, dtype=float)
-    tree.joint("free", pin.JointModelFreeFlyer(), solids, at=home)
-    tree.frame("body", "free", HERE)
-    tree.frame("on_ground", "universe", on_ground)
-    tree.frame("on_body", "free", home.actInv(on_body))
+    tree.add_joint("free", pin.JointModelFreeFlyer(), solids, at=home)
+    tree.add_frame("body", "free", HERE)
+    tree.add_frame("on_ground", "universe", on_ground)
+    tree.add_frame("on_body", "free", home.actInv(on_body))
     lines = []
     if spring:
         foot, eye = spring
-        tree.frame("spring_foot", "universe", foot)
-        tree.frame("spring_eye", "free", eye)
+        tree.add_frame("spring_foot", "universe", foot)
+        tree.add_frame("spring_eye", "free", eye)
         lines.append(LineForce("spring_foot", "spring_eye", stiffness=20.0, rest_length=0.0))
     tree.model.referenceConfigurations["home"] = pin.neutral(tree.model)
     return ClosedChain(tree.model, [closure("on_ground", "on_body")], [], lines=lines)
@@ -188,14 +188,14 @@ def engine() -> ClosedChain:
         *_moved(_cylinder((0.1, 0, 0), 0.03), (0.1, 0.1, 0)),
         *_box((0.02, 0.1, 0.05), (0.2, 0.05, 0)),
     ]
-    tree.joint("bearing", pin.JointModelRX(), crank)
+    tree.add_joint("bearing", pin.JointModelRX(), crank)
     down = pin.JointModelPrismaticUnaligned(np.array([0, -1.0, 0]))
-    tree.joint("piston", down, _cylinder((0, -0.1, 0), 0.1), at=shift((0.15, 0.45, 0)))
+    tree.add_joint("piston", down, _cylinder((0, -0.1, 0), 0.1), at=shift((0.15, 0.45, 0)))
     rod_body = _box((0.02, 0.2, 0.06), (0, -0.1, 0))
-    tree.joint("rod", pin.JointModelRX(), rod_body, "piston", shift((0, -0.1, 0)))
+    tree.add_joint("rod", pin.JointModelRX(), rod_body, "piston", shift((0, -0.1, 0)))
     along_x = rpyToMatrix(0.0, np.pi / 2, 0.0)
-    tree.frame("crank_pin", "bearing", pin.SE3(along_x, np.array([0.15, 0.1, 0])))
-    tree.frame("rod_end", "rod", pin.SE3(along_x, np.array([0, -0.2, 0])))
+    tree.add_frame("crank_pin", "bearing", pin.SE3(along_x, np.array([0.15, 0.1, 0])))
+    tree.add_frame("rod_end", "rod", pin.SE3(along_x, np.array([0, -0.2, 0])))
     tree.model.armature = np.array([1.0, 0, 0])
     tree.model.referenceConfigurations["home"] = np.array([0, 0.05, 0])
     return ClosedChain(tree.model, [Closure("crank_pin", "rod_end", "hinge")], ["bearing"])
@@ -204,10 +204,10 @@ def engine() -> ClosedChain:
 def fourbar2() -> ClosedChain:
     """Loops.Fourbar2: a crank and a slider, a massless rod with a ball and a universal joint."""
     tree = _modelica_tree("fourbar2")
-    tree.joint("j1", pin.JointModelRX(), _cylinder((0, 0.5, 0.1), 0.05))
-    tree.joint("j2", pin.JointModelPX(), _cylinder((0, 0.2, 0), 0.05), at=shift((1.2, 0)))
-    tree.frame("ball", "j1", (0, 0.5, 0.1))
-    tree.frame("cross", "j2", (0, 0.2, 0))
+    tree.add_joint("j1", pin.JointModelRX(), _cylinder((0, 0.5, 0.1), 0.05))
+    tree.add_joint("j2", pin.JointModelPX(), _cylinder((0, 0.2, 0), 0.05), at=shift((1.2, 0)))
+    tree.add_frame("ball", "j1", (0, 0.5, 0.1))
+    tree.add_frame("cross", "j2", (0, 0.2, 0))
     tree.model.referenceConfigurations["home"] = np.array([0, -0.2])
     length = float(np.linalg.norm([1.0, -0.3, -0.1]))  # of the rod at the start
     return ClosedChain(tree.model, [Distance("ball", "cross", length)], ["j1"])
@@ -216,8 +216,8 @@ def fourbar2() -> ClosedChain:
 def gear() -> ClosedChain:
     """Rotational3DEffects.GearConstraint: two cylinders, the first turns ten times as fast."""
     tree = _modelica_tree("gear")
-    tree.joint("fast", pin.JointModelRX(), _cylinder((0.4, 0, 0), 0.1))
-    tree.joint("slow", pin.JointModelRX(), _cylinder((0.4, 0, 0), 0.2), at=shift((0.5, 0)))
+    tree.add_joint("fast", pin.JointModelRX(), _cylinder((0.4, 0, 0), 0.1))
+    tree.add_joint("slow", pin.JointModelRX(), _cylinder((0.4, 0, 0), 0.2), at=shift((0.5, 0)))
     tree.model.referenceConfigurations["home"] = np.zeros(2)
     return ClosedChain(tree.model, [Coupling("fast", {"slow": (0.0, 10.0)})], ["fast"])
 
@@ -234,16 +234,16 @@ def planar_loops() -> ClosedChain:
     """
     tree = _modelica_tree("planar_loops")
     upper = [np.array([0, 0.5]), np.array([0.6, 0.5]), np.array([1.1, 0.6]), np.array([1.5, 0.55])]
-    tree.hinge("rev", [])
+    tree.add_hinge("rev", [])
     parent, at = "rev", upper[0]
     closures = []
     for k in (1, 2, 3):
         step = upper[k] - upper[k - 1]
         carried = body(1.0, step / 2, [0.001] * 3, [(0, 0, 0), (*step, 0)], 0.01)
-        tree.hinge(f"bar_{k}", carried, parent, shift(at))
-        tree.frame(f"top_{k}", f"bar_{k}", step)
+        tree.add_hinge(f"bar_{k}", carried, parent, shift(at))
+        tree.add_frame(f"top_{k}", f"bar_{k}", step)
         foot = np.array([0.5 * k, 0])
-        tree.frame(f"foot_{k}", "universe", foot)
+        tree.add_frame(f"foot_{k}", "universe", foot)
         length = float(np.linalg.norm(upper[k] - foot))
         closures.append(Distance(f"foot_{k}", f"top_{k}", length))
         parent, at = f"bar_{k}", step

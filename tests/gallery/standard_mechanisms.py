@@ -34,12 +34,12 @@ def n_four_bar(loops: int = 2) -> GalleryRobot:
     moments, points = np.array([0.02**2 / 2, 1 / 12, 1 / 12]), np.array([(0, 0, 0), (1.0, 0, 0)])
     bar = body(1.0, points[1] / 2, moments, points, 0.02)
     for k in range(loops + 1):
-        tree.hinge(f"bar_{k}", bar, at=shift((k, 0)))
-        tree.frame(f"end_of_bar_{k}", f"bar_{k}", points[1])
+        tree.add_hinge(f"bar_{k}", bar, at=shift((k, 0)))
+        tree.add_frame(f"end_of_bar_{k}", f"bar_{k}", points[1])
         if k < loops:
-            tree.hinge(f"link_{k + 1}", bar, f"bar_{k}", shift(points[1]))
-            tree.frame(f"end_of_link_{k + 1}", f"link_{k + 1}", points[1])
-    tree.platform("link_1")
+            tree.add_hinge(f"link_{k + 1}", bar, f"bar_{k}", shift(points[1]))
+            tree.add_frame(f"end_of_link_{k + 1}", f"link_{k + 1}", points[1])
+    tree.make_platform("link_1")
     steps = range(1, loops + 1)
     closures = [Closure(f"end_of_link_{k}", f"end_of_bar_{k}", "3d") for k in steps]
     joints = partial(_n_four_bar_joints, loops)
@@ -81,11 +81,11 @@ def andrews() -> GalleryRobot:
     ):
         line = np.array([(0, 0, 0), *((*end, 0) for end in ends)], dtype=float)
         solids = body(mass, centre, inertia * np.array([0.6, 0.6, 1]), line, 0.0012)
-        tree.hinge(name, solids, parent, shift(at))
-        tree.frame(f"tip_of_{name}", name, line[-1])
-    tree.platform("theta", (-_D, 0))
-    tree.frame("spring_foot", fixed, (0.014, 0.072))
-    tree.frame("spring_eye", "gamma", (0.02, -0.018))
+        tree.add_hinge(name, solids, parent, shift(at))
+        tree.add_frame(f"tip_of_{name}", name, line[-1])
+    tree.make_platform("theta", (-_D, 0))
+    tree.add_frame("spring_foot", fixed, (0.014, 0.072))
+    tree.add_frame("spring_eye", "gamma", (0.02, -0.018))
     spring = LineForce("spring_foot", "spring_eye", stiffness=4530.0, rest_length=0.07785)
     tips = [Closure(f"tip_of_{name}", "tip_of_theta", "3d") for name in ("gamma", "phi", "omega")]
     home = planar(0, 0, -0.0617138900142764496358948458001) * shift((_RR - _D, 0))
@@ -95,8 +95,8 @@ def andrews() -> GalleryRobot:
 def _andrews_joints(pose: pin.SE3) -> Joints:
     tip = pose.translation
     beta, gamma = angle_of(pose.act(np.array([_D, 0, 0]))), angle_of(tip[:2] - _B) + np.pi / 2
-    delta, bend = two_link(tip[:2] - _A, _ZT, _E, -1)
-    epsilon, knee = two_link(tip[:2] - _A, _U, _ZF, 1)
+    delta, bend = two_link(tip[:2] - _A, _ZT, _E, elbow=-1)
+    epsilon, knee = two_link(tip[:2] - _A, _U, _ZF, elbow=1)
     return {
         "beta": beta,
         "theta": float(in_one_turn(angle_about_z(pose.rotation) - beta)),
@@ -116,19 +116,19 @@ def governor() -> GalleryRobot:
     joints have a motor. The platform is the slider; for a pose of it the springs are at rest.
     """
     tree, lines = Tree("governor"), []
-    tree.hinge("shaft", box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
+    tree.add_hinge("shaft", box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
     point = pin.Inertia(5, np.zeros(3), np.zeros((3, 3)))
     ball = Solid(point, coal.Box(0.07, 0.07, 0.07), shift((1, 0)))
     for k, turn in ((1, 0.0), (2, np.pi)):
         arm = [*box(0.3, (1, 0.01, 0.01), (0.5, 0, 0)), ball]
         hinge = planar(0, 0, turn) * shift((0.05, 0, 1))
-        tree.joint(f"arm_{k}", pin.JointModelRY(), arm, "shaft", hinge)
-        tree.frame(f"middle_{k}", f"arm_{k}", (0.5, 0, 0))
+        tree.add_joint(f"arm_{k}", pin.JointModelRY(), arm, "shaft", hinge)
+        tree.add_frame(f"middle_{k}", f"arm_{k}", (0.5, 0, 0))
         lines.append((f"middle_{k}", f"foot_{k}"))
-    tree.joint("slider", pin.JointModelPZ(), box(3.0, (0.1, 0.1, 0.1)), "shaft")
+    tree.add_joint("slider", pin.JointModelPZ(), box(3.0, (0.1, 0.1, 0.1)), "shaft")
     for k, x in ((1, 0.05), (2, -0.05)):
-        tree.frame(f"foot_{k}", "slider", (x, 0, 0))
-    tree.platform("slider")
+        tree.add_frame(f"foot_{k}", "slider", (x, 0, 0))
+    tree.make_platform("slider")
     home = shift((0, 0, 0.5))
     spring = partial(LineForce, stiffness=8e5, rest_length=0.5, damping=4e4)
     springs = [spring(*line) for line in lines]

@@ -51,12 +51,12 @@ def modelica_four_bar() -> ClosedChain:
     for bar in referees.BARS:
         mass, _ = referees.cylinder(bar)
         bars.append(rod(mass, bar, referees.RADIUS))
-    tree.joint("crank", x, bars[0])
-    tree.joint("slider", pin.JointModelPX(), bars[1], at=shift((1.2, 0)))
-    tree.joint("hinge_y", y, [], "slider", shift(second))
-    tree.joint("hinge_z", z, bars[2], "hinge_y")
-    tree.frame("tip", "crank", first)
-    tree.frame("end", "hinge_z", third)
+    tree.add_joint("crank", x, bars[0])
+    tree.add_joint("slider", pin.JointModelPX(), bars[1], at=shift((1.2, 0)))
+    tree.add_joint("hinge_y", y, [], "slider", shift(second))
+    tree.add_joint("hinge_z", z, bars[2], "hinge_y")
+    tree.add_frame("tip", "crank", first)
+    tree.add_frame("end", "hinge_z", third)
     tree.model.referenceConfigurations["home"] = np.array([0, -0.2, 0, 0.0])
     chain = ClosedChain(tree.model, [Closure("tip", "end", "3d")], ["crank"])
     chain._shapes = tree.visual_model
