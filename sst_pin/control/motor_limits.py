@@ -20,7 +20,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 
-#: The largest number of combinations.
+#: The largest number of sums.
 _MOST = 10_000
 #: A row of factors smaller than this part of the largest row counts as zero: the other rows imply
 #: its limit.
@@ -32,7 +32,7 @@ def part_of(tau: Array, limits: Array) -> Array:
     return (2 * tau - limits.sum(axis=1)) / np.ptp(limits, axis=1)
 
 
-def combinations(directions: Array, limits: Array) -> Array:
+def factors_of_sums(directions: Array, limits: Array) -> Array:
     """Factors c of the sums that no preload changes, shape (..., sums, motors).
 
     They are continuous where the directions are. Without surplus motors they are the identity.
@@ -42,7 +42,7 @@ def combinations(directions: Array, limits: Array) -> Array:
         limits: Least and largest torques, shape (motors, 2).
     """
     motors, k = directions.shape[-2:]
-    groups = list(itertools.combinations(range(motors), k + 1))
+    groups = list(itertools.combinations(range(motors), k + 1))  # one sum for each
     if len(groups) > _MOST:
         raise InputError("chain", f"{motors} motors, {k} of them surplus, are too many for limits")
     D = 2 * directions / np.ptp(limits, axis=1)[:, None]
@@ -72,7 +72,7 @@ def largest_part(tau: Array, directions: Array, limits: Array) -> Array:
 
     More than 1 is more than the motors can give.
     """
-    sums = sums_of(combinations(directions, limits), part_of(tau, limits))
+    sums = sums_of(factors_of_sums(directions, limits), part_of(tau, limits))
     return np.abs(sums).max(axis=-1, initial=0.0)
 
 

@@ -13,7 +13,7 @@ from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits
 from ..errors import ActuationError, InputError
 from ..summaries import listed
-from .motor_limits import combinations, motors_of, part_of, sums_of
+from .motor_limits import factors_of_sums, motors_of, part_of, sums_of
 
 #: Part of each limit that is not used at grid points, because more may be used between them.
 MARGIN = 1e-4
@@ -67,7 +67,7 @@ class MotorLimits:
         """Factors of the parts in each sum, continuous along a path, shape (N, sums, k)."""
         torques = np.zeros((len(q), 0, 0))
         if self.torques is not None:
-            torques = combinations(self.chain.preload_directions(q), self.torques)
+            torques = factors_of_sums(self.chain.preload_directions(q), self.torques)
         accelerations = 0
         if self.accelerations is not None:
             accelerations = len(self.chain.motor_names)

@@ -27,7 +27,7 @@ from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed
 from .convex_sets import corners_of_inequalities, hull
-from .motor_limits import combinations, motors_of, part_of, sums_of
+from .motor_limits import factors_of_sums, motors_of, part_of, sums_of
 
 
 class Ellipsoid(NamedTuple):
@@ -109,7 +109,7 @@ def force_polytope(
     limits = finite_limits(torques, len(chain.motor_names), "torques")
     # The parts of the limits that holding the robot takes, as sums that no preload changes.
     zero = np.zeros(chain.degrees_of_freedom)
-    factors = combinations(chain.preload_directions(single), limits)
+    factors = factors_of_sums(chain.preload_directions(single), limits)
     sums = sums_of(factors, part_of(chain.compute_torques(single, zero, zero), limits))
     if np.abs(sums).max() >= 1:
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))

@@ -12,6 +12,11 @@ from ..arrays import Array
 
 #: Order of the Butterworth filter.
 _ORDER = 4
+#: Cut-off of the filter of `decimated`, in periods per sample of the result; below 0.5, so that
+#: faster changes do not appear as slower ones.
+_ANTI_ALIASING = 0.4
+#: A sample affects this number of outputs of the filter of `decimated`.
+_MEMORY = 20
 
 
 def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
@@ -25,13 +30,6 @@ def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
     beyond = min(int(3 / cutoff), len(values) - 1)  # samples by which the ends are continued
     sections = butter(_ORDER, cutoff, fs=1.0, output="sos")
     return np.asarray(sosfiltfilt(sections, values, axis=0, padtype=ends, padlen=beyond))
-
-
-#: Cut-off of the filter of `decimated`, in periods per sample of the result; below 0.5, so that
-#: faster changes do not appear as slower ones.
-_ANTI_ALIASING = 0.4
-#: A sample affects this number of outputs of the filter of `decimated`.
-_MEMORY = 20
 
 
 def decimated(values: Array, every: int) -> Array:

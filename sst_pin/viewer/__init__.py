@@ -45,6 +45,6 @@ def show(
         raise InputError("ghost", "only beside a motion")
     else:
         viewer.show(start_of(robot.engine) if what is None else what)
-    viewer._functions  # noqa: B018  (raises an error now if CasADi is missing)
+    viewer._require_functions()
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()

@@ -342,16 +342,23 @@ class Viewer:
         style = "width: 100%; height: 540px; border: 0"
         return f'<iframe srcdoc="{html.escape(self.html)}" style="{style}"></iframe>'
 
+    def _require_functions(self) -> None:
+        """Raise the errors of a live page now: without CasADi it cannot be made."""
+        _ = self._functions
+
     @cached_property
     def _functions(self) -> str:
-        """JavaScript of a live page, for the robot near the configuration shown; else nothing."""
+        """JavaScript of a live page, and nothing for other pages.
+
+        It is made once, for the robot near the configuration that is shown when it is first needed.
+        """
         if not self._live:
             return ""
         try:
             from ..compiled.page_code import functions_of
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "viz") from None
-        q = np.array(self._panel["live"]["q"])
+        q = np.array(self._panel["live"]["q"])  # of the last `show` or `play`
         code, numbers = functions_of(self._robot.engine.reference, q)
         if not np.isfinite(numbers).all():
             raise DescriptionError("parameters of the robot", ["a number is not finite"])
