@@ -8,6 +8,7 @@ rates of the tree follow the coordinates. docs/derivatives.md derives the equati
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -28,15 +29,6 @@ from ..loops.vectors import brackets, cross, skew
 from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
 from .dynamics import Context, applied_forces, direct_dynamics
-
-
-class _Load(NamedTuple):
-    """Wrenches on k frames of the normal tree."""
-
-    joints: list[int]  #: The bodies of the frames.
-    frames: FrameMotions
-    w: Array  #: [force; moment] at the world's origin, shape (k, 6).
-    w_q: Array  #: Derivatives of w by q, shape (k, 6, nv).
 
 
 class TorqueDerivatives(NamedTuple):
@@ -100,7 +92,8 @@ def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
 
     states, inputs = B.shape[-2:]
     both = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
-    both[..., :states, :states], both[..., :states, states:] = A, B
+    both[..., :states, :states] = A
+    both[..., :states, states:] = B
     with np.errstate(over="ignore", invalid="ignore"):
         step = expm(both * dt)
     if (~np.isfinite(step).all(axis=(-2, -1)) & np.isfinite(both).all(axis=(-2, -1))).any():
@@ -119,6 +112,93 @@ class _ForceDerivatives(NamedTuple):
     by_va: Array
     inertia: Array
     L: Array
+
+
+class _Load(NamedTuple):
+    """Wrenches on k frames of the normal tree.
+
+    Attributes:
+        joints: The bodies of the frames.
+        frames: The frames.
+        w: [force; moment] at the world's origin, shape (k, 6).
+        w_q: Derivatives of w by q, shape (k, 6, nv).
+    """
+
+    joints: Sequence[int]
+    frames: FrameMotions
+    w: Array
+    w_q: Array
+
+
+def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
+    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
+    forces = reactions[closure.rows.at]
+    w = forces.dot(closure.W).reshape(2, 6)
+    w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
+    return _Load(closure.rows.bodies, closure.frames, w, w_q)
+
+
+def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
+    """Constant wrenches [force; moment] at the mass centres, shape (r, 6), as a load."""
+    loaded = np.flatnonzero(wrenches.any(axis=1))
+    joints = [loops.tree.bodies[1 + body] for body in loaded]
+    levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
+    places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
+    frames = tree.frames(joints, [place.homogeneous for place in places])
+    forces, moments = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
+    w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
+    w_q = np.zeros_like(frames.J)
+    w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
+    return _Load(joints, frames, w, w_q)
+
+
+def _turning_along(twists: Array, w: Array) -> Array:
+    """Derivatives of wrenches, shape (k, 6), that move with the twists, shape (k, 6, nv)."""
+    force = -skew(w[:, :3])
+    moment = -skew(w[:, 3:])
+    linear = twists[:, :3]
+    omega = twists[:, 3:]
+    return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)
+
+
+class _TreePartials(NamedTuple):
+    """Derivatives of the forces on the tree, where q, v and v_dot are independent, (nv, nv).
+
+    Attributes:
+        by_q: Along each rate of the tree.
+        by_v: By v.
+        M: By v_dot: the mass matrix.
+    """
+
+    by_q: Array
+    by_v: Array
+    M: Array
+
+
+def _with_lines(
+    of_tree: _TreePartials,
+    of_lines: Partials,
+    J: Array,
+    stiffness: Array,
+    damping: Array,
+    masses: Array,
+) -> _TreePartials:
+    """The derivatives with the tensions of lines, with constant directions of the lines.
+
+    J are the rates of their lengths, shape (lines, nv). The tensions change with the lengths by
+    `stiffness`, with their rates by `damping`, and with their second derivatives by `masses`, each
+    of shape (lines,).
+    """
+    by_q, by_v, M = of_tree
+    per_length = J.T * stiffness
+    per_rate = J.T * damping
+    per_acceleration = J.T * masses
+    by_q = by_q + per_length.dot(J)
+    by_q += per_rate.dot(of_lines.velocity_q)
+    by_q += per_acceleration.dot(of_lines.acceleration_q)
+    by_v = by_v + per_rate.dot(J)
+    by_v += per_acceleration.dot(of_lines.acceleration_v)
+    return _TreePartials(by_q, by_v, M + per_acceleration.dot(J))
 
 
 class Derivatives:
@@ -184,9 +264,13 @@ class Derivatives:
         L = complement.L
         v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
         motion = tree.frames_of([frame])
-        J = np.concatenate((motion.M_q[:, 0, :3, 3].T, motion.J[0, 3:]))
-        by_q = np.concatenate((motion.M_dot_q[:, 0, :3, 3].T, motion.twist_q[0, 3:]))
-        return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
+        # The origin of the frame is the last column of its placement M. So the linear velocity, and
+        # its derivatives, are in that of M_dot; the angular velocity is in the twist.
+        J_linear = motion.M_q[:, 0, :3, 3].T
+        linear_q = motion.M_dot_q[:, 0, :3, 3].T
+        J = np.concatenate((J_linear, motion.J[0, 3:]))
+        velocity_q = np.concatenate((linear_q, motion.twist_q[0, 3:]))
+        return np.concatenate((velocity_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
@@ -223,24 +307,19 @@ class Derivatives:
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
 
-        # Partial derivatives of the forces on the tree, where q, v and v_dot are independent.
-        force_q, force_v, M = self._tree_forces(v, v_dot, loads)
+        # Partial derivatives of the forces on the tree.
+        of_tree = self._tree_forces(v, v_dot, loads)
         for joint in rows.couplings:  # they act on no frame
-            force_q[joint.rate, joint.rate] -= reactions[joint.row] * joint.second
+            of_tree.by_q[joint.rate, joint.rate] -= reactions[joint.row] * joint.second
         if of_lines is not None:
             taut = lines.taut(lengths, J.dot(v))  # 0 for slack cables, else 1
-            pull_per_length = J.T * (lines.stiffness * taut)
             damping = lines.damping * taut
             if lines.coulomb.any():
                 damping = damping + lines.coulomb * sign_slope(J.dot(v), friction.sign_width)
-            pull_per_rate = J.T * damping
-            pull_per_acceleration = J.T * lines.masses
-            force_q += pull_per_length.dot(J)
-            force_q += pull_per_rate.dot(of_lines.velocity_q)
-            force_q += pull_per_acceleration.dot(of_lines.acceleration_q)
-            force_v += pull_per_rate.dot(J)
-            force_v += pull_per_acceleration.dot(of_lines.acceleration_v)
-            M = M + pull_per_acceleration.dot(J)
+            of_tree = _with_lines(
+                of_tree, of_lines, J, lines.stiffness * taut, damping, lines.masses
+            )
+        force_q, force_v, M = of_tree
         force_v += np.diag(-friction.slopes(v))
         if not mechanism.springs.none:
             force_q -= mechanism.springs.slopes(mechanism.model, q)
@@ -259,10 +338,8 @@ class Derivatives:
             L=L,
         )
 
-    def _tree_forces(
-        self, v: Array, v_dot: Array, loads: list[_Load]
-    ) -> tuple[Array, Array, Array]:
-        """Derivatives of RNEA minus the forces of the loads, by q, v and v_dot.
+    def _tree_forces(self, v: Array, v_dot: Array, loads: list[_Load]) -> _TreePartials:
+        """Derivatives of RNEA minus the forces of the loads.
 
         For Pinocchio, external wrenches turn with their bodies; the difference of w_q from the
         derivative of such a wrench is taken into account here. Pinocchio takes inertias about the
@@ -274,52 +351,23 @@ class Derivatives:
         on_bodies = np.zeros((model.njoints, 6))
         for load in loads:
             np.add.at(on_bodies, load.joints, load.w)
-        in_bodies = pin.StdVec_Force()
+        in_body_axes = pin.StdVec_Force()
         for placement, of_body in zip(context.data.oMi, on_bodies, strict=True):
-            in_bodies.append(placement.actInv(pin.Force(of_body)))
+            in_body_axes.append(placement.actInv(pin.Force(of_body)))
         there = context.data.oMi[model.njoints - 1].translation.copy()
         for root in model.children[0]:
             placement = model.jointPlacements[root]
             self._at_origin.jointPlacements[root] = pin.SE3(
                 placement.rotation, placement.translation - there
             )
-        arguments = (context.loops.q, S.dot(v), S.dot(v_dot), in_bodies)
-        by = pin.computeRNEADerivatives(self._at_origin, context.data, *arguments)
-        force_q, force_v, M = (S.T.dot(x).dot(S) for x in by)
+        rnea_q, rnea_v, mass_matrix = pin.computeRNEADerivatives(
+            self._at_origin, context.data, context.loops.q, S.dot(v), S.dot(v_dot), in_body_axes
+        )
+        by_q = S.T.dot(rnea_q).dot(S)
         for load in loads:
             not_turning = load.w_q - _turning_along(load.frames.J, load.w)
-            force_q -= np.tensordot(load.frames.J, not_turning, axes=((0, 1), (0, 1)))
-        return force_q, force_v, M
+            by_q -= np.tensordot(load.frames.J, not_turning, axes=((0, 1), (0, 1)))
+        return _TreePartials(by_q, by_v=S.T.dot(rnea_v).dot(S), M=S.T.dot(mass_matrix).dot(S))
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
-
-
-def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
-    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
-    forces = reactions[closure.rows.at]
-    w = forces.dot(closure.W).reshape(2, 6)
-    w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
-    return _Load(closure.rows.bodies, closure.frames, w, w_q)
-
-
-def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
-    """Constant wrenches [force; moment] at the mass centres, shape (r, 6), as a load."""
-    loaded = np.flatnonzero(wrenches.any(axis=1))
-    joints = [loops.tree.bodies[1 + body] for body in loaded]
-    levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
-    places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
-    frames = tree.frames(joints, [place.homogeneous for place in places])
-    forces, moments = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
-    w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
-    w_q = np.zeros_like(frames.J)
-    w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
-    return _Load(joints, frames, w, w_q)
-
-
-def _turning_along(twists: Array, w: Array) -> Array:
-    """Derivatives of wrenches, shape (k, 6), that move with the twists, shape (k, 6, nv)."""
-    force = -skew(w[:, :3])
-    moment = -skew(w[:, 3:])
-    linear, omega = twists[:, :3], twists[:, 3:]
-    return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)

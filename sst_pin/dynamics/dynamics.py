@@ -141,7 +141,11 @@ def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
 
 
 class Context:
-    """Loops, L and Pinocchio data of one mechanism; one object per thread."""
+    """Loops, L and Pinocchio data of one mechanism; one object per thread.
+
+    They are those of the last configuration at which they were evaluated, by `evaluate` or by
+    `complement.evaluate` and `complement.motion`. Here it is called the current q.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
@@ -169,8 +173,11 @@ class Context:
     def actuation(self, q: Array) -> Array:
         """B at q, motors on lines included: forces on the tree are B tau, shape (nv, motors)."""
         B = self.mechanism.actuation
-        lines = self.mechanism.lines
-        return B + self.lines.evaluate(q)[1].T.dot(lines.actuation) if lines.actuation.any() else B
+        on_lines = self.mechanism.lines.actuation
+        if not on_lines.any():
+            return B
+        _, J = self.lines.evaluate(q)
+        return B + J.T.dot(on_lines)
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
         """Inverse dynamics of the tree at the current q, shape (nv,), by N_l and N_l^T.
@@ -254,7 +261,7 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     r = model.njoints - 1
     v, v_dot = context.complement.motion(q, va, aa)
 
-    # Bodies: sizes of [moment; force], in the order of K, times the motions for each rate.
+    # Wrenches [moment; force] on the bodies, in the order of K: their sizes for each body.
     K, K_dot, M, Omega, weights = bodies(context.loops, v)
     on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
@@ -263,9 +270,11 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     sizes = np.abs(on_bodies).reshape(-1, r, 2, 3).sum(axis=(0, 3))
     moments = sizes[:, 0]
     forces = sizes[:, 1] + _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
-    motions = np.linalg.norm(K.reshape(r, 2, 3, -1), axis=2)
-    turns = motions[:, 0]
-    slides = motions[:, 1] + mechanism.length * turns
+
+    # Times the sizes of the bodies' twists for a unit of each rate, shape (r, nv).
+    twists = np.linalg.norm(K.reshape(r, 2, 3, -1), axis=2)
+    turns = twists[:, 0]
+    slides = twists[:, 1] + mechanism.length * turns
     on_rates = turns.T @ moments + slides.T @ forces
 
     # Joints and lines.
@@ -326,7 +335,8 @@ def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | 
 def terms(context: Context, q: Array, va: Array) -> Terms:
     """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
     context.complement.evaluate(q)
-    mechanism, model = context.mechanism, context.mechanism.model
+    mechanism = context.mechanism
+    model = mechanism.model
     Phi = context.loops.Phi
     L = context.complement.L
     v = L @ va  # Eq. (16)
@@ -337,16 +347,17 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, weights = of_bodies
     N_l, N_d = decoupled(context.loops)
-    lengths, J = context.lines.evaluate(q)
-    taut = mechanism.lines.taut(lengths, J @ v)  # 0 for slack cables, else 1
     lines = mechanism.lines
-    at_rest = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
-    rubbing = lines.coulomb * sign_of(J @ v, mechanism.friction.sign_width)
-    damping = taut * lines.damping * (J @ v) + rubbing
+    lengths, J = context.lines.evaluate(q)
+    taut = lines.taut(lengths, J @ v)  # 0 for slack cables, else 1
+    # Tensions of the lines: of springs and preload, and of dampers and dry friction.
+    tensions_of_springs = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
+    dry_friction = lines.coulomb * sign_of(J @ v, mechanism.friction.sign_width)
+    tensions_of_friction = taut * lines.damping * (J @ v) + dry_friction
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
-    on_lines = L.T @ (J.T * mechanism.lines.masses)  # masses that move with the lengths, likewise
-    J_dot = context.lines.loops.Phi_dot(v) if mechanism.lines.masses.any() else np.zeros_like(J)
+    on_lines = L.T @ (J.T * lines.masses)  # the same for masses that move with the lengths
+    J_dot = context.lines.loops.Phi_dot(v) if lines.masses.any() else np.zeros_like(J)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],
@@ -368,6 +379,6 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
             + on_lines @ (J @ L_dot + J_dot @ L)
         ),  # Eq. (94)
         gravity=T.T @ weights,  # Eq. (95)
-        friction=L.T @ (mechanism.friction.forces(v) - damping @ J),  # Eq. (96)
-        springs=L.T @ (mechanism.springs.forces(model, q) - at_rest @ J),
+        friction=L.T @ (mechanism.friction.forces(v) - tensions_of_friction @ J),  # Eq. (96)
+        springs=L.T @ (mechanism.springs.forces(model, q) - tensions_of_springs @ J),
     )

@@ -75,7 +75,7 @@ class Reference(threading.local):
 
     @cached_property
     def designs(self) -> dict[str, Any]:
-        """The last mechanism with joints at rest of `design_derivatives`, by its parameters."""
+        """The last `design_derivatives.Design`, by its parameters; it is kept for loops."""
         return {}
 
     @_finite
