@@ -16,7 +16,7 @@ from ..errors import DescriptionError, InputError
 from .closures import Brake, Closure, Constraint, Coupling, Distance, Rolling
 from .contacts import Contact, Contacts, Rope, contacts_of
 from .joint_series import PartlyLocked, Series
-from .joint_space import JointSpace
+from .joint_space import JointSpace, is_continuous
 from .lines import LineForce, Lines
 from .mechanism import Friction, Mechanism, Springs, read_only
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
@@ -224,8 +224,7 @@ def _locked_positions(
         position = 0.0
         if isinstance(locked, Mapping):
             position = float(single_array("locked", locked[name], ()))
-            is_continuous = joint.nv == 1 and joint.nq == 2  # a cosine and a sine
-            if len(indices) > 1 or is_continuous:
+            if len(indices) > 1 or is_continuous(joint):
                 problem = f"joint {name} has several coordinates"
                 if joint.nv > 1:
                     problem += f"; name {', '.join(space.names_by_joint['rate'][name])}"

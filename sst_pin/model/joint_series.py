@@ -100,17 +100,24 @@ class PartlyLocked(Series):
         suffixes = kind_of(joint).v
         models = _single_joints(joint)  # one for each rate, in the order of the rates
 
-        # The first of the three turns of a ball or a free-flyer; other joints have none.
-        first_turn = {"JointModelFreeFlyer": 3, "JointModelSpherical": 0}.get(kind, len(models))
-        all_turns = range(first_turn, len(models))
-        # Locked turns come last.
-        turns = [k for k in all_turns if k not in locked] + [k for k in all_turns if k in locked]
-        is_ball = bool(turns) and locked.keys().isdisjoint(turns)  # no turn is locked
+        # The rates of a ball or a free-flyer for which q has a quaternion; locked ones come last.
+        if kind == "JointModelFreeFlyer":
+            ball_rates = [3, 4, 5]
+        elif kind == "JointModelSpherical":
+            ball_rates = [0, 1, 2]
+        else:
+            ball_rates = []
+        turns = [k for k in ball_rates if k not in locked]
+        turns += [k for k in ball_rates if k in locked]
+        stays_ball = bool(turns) and locked.keys().isdisjoint(turns)
         #: Axes of the turns in their order, 0 for x; empty if q has no quaternion.
-        self._turn_axes = [k - first_turn for k in turns]
+        self._turn_axes = [ball_rates.index(k) for k in turns]
+        #: The axis of each of these rates.
+        self._axis_of_rate = {k: axis for axis, k in enumerate(ball_rates)}
 
-        singles = list(range(first_turn))
-        if not is_ball:
+        # The rates that become single joints, in their order.
+        singles = [k for k in range(len(models)) if k not in ball_rates]
+        if not stays_ball:
             singles += turns
         parts = list[Part]()
         place = pin.SE3.Identity()  # of the next part, relative to the part before it
@@ -120,11 +127,11 @@ class PartlyLocked(Series):
                 continue
             # Turns of a quaternion, and the angle of a planar joint, are not entries of q.
             is_angle_of_plane = kind == "JointModelPlanar" and k == 2
-            entries = [] if k >= first_turn or is_angle_of_plane else [k]
+            entries = [] if k in ball_rates or is_angle_of_plane else [k]
             parts.append(Part(f"_{suffixes[k]}", models[k], place, rates=[k], entries=entries))
             place = pin.SE3.Identity()
-        if is_ball:
-            quaternion = range(first_turn, first_turn + 4)
+        if stays_ball:
+            quaternion = range(ball_rates[0], ball_rates[0] + 4)
             ball = pin.JointModelSpherical()
             parts.append(Part("", ball, place, rates=turns, entries=quaternion))
             place = pin.SE3.Identity()
@@ -137,9 +144,9 @@ class PartlyLocked(Series):
             if part.entries:
                 continue
             if self._turn_axes:
-                angles = _angles(q[-4:], self._turn_axes)
-                positions[k] = angles[[part.rates[0] % 3]]
-            else:  # a planar joint ends with cosine and sine
+                angles = _angles(q[-4:], self._turn_axes)  # q ends with the quaternion
+                positions[k] = angles[[self._axis_of_rate[part.rates[0]]]]
+            else:  # q of a planar joint ends with cosine and sine
                 positions[k] = np.array([np.arctan2(q[-1], q[-2])])
         return positions
 

@@ -39,6 +39,13 @@ class _Start(NamedTuple):
     v: int
 
 
+class _Entry(NamedTuple):
+    """An entry of q or of v."""
+
+    name: str
+    unit: str
+
+
 _XYZ = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _TURNS = ("wx", "wy", "wz")
@@ -57,6 +64,59 @@ _OF_SEVERAL = {
 _UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
 
 
+def kind_of(joint: Any) -> _Kind:
+    """Names and units of a joint that is not a composite."""
+    short = joint.shortname()
+    if short in _OF_SEVERAL:
+        return _OF_SEVERAL[short]
+    if is_continuous(joint):
+        return _UNBOUNDED
+    if joint.nq == 1 and joint.nv == 1:
+        unit = "m" if short.startswith("JointModelP") else "rad"
+        return _Kind(("",), ("",), (unit,))
+    # Another joint of several entries; they are numbered.
+    numbers = tuple(map(str, range(max(joint.nq, joint.nv))))
+    return _Kind(numbers[: joint.nq], numbers[: joint.nv], ("rad",) * joint.nv)
+
+
+def _parts(joint: Any) -> list[tuple[Any, str]]:
+    """The joint itself, or the joints of a composite in series, each with a suffix."""
+    if joint.shortname() != "JointModelComposite":
+        return [(joint, "")]
+    composite = joint.extract() if hasattr(joint, "extract") else joint
+    parts = []
+    for number, inner in enumerate(composite.joints, start=1):
+        for part, suffix in _parts(inner):
+            parts.append((part, f"_{number}{suffix}"))
+    return parts
+
+
+def is_continuous(joint: Any) -> bool:
+    """Whether a joint turns without limits, so that q has the cosine and the sine of its angle."""
+    return bool(joint.nq == 2 and joint.nv == 1)
+
+
+def _positions_of(joint: Any, name: str) -> list[_Entry]:
+    """The entries of q of a joint with this name."""
+    kind = kind_of(joint)
+    units_of_rates = dict(zip(kind.v, kind.units, strict=True))
+    slides = "m" in kind.units
+    entries = []
+    for suffix in kind.q:
+        unit = "m" if slides and suffix in _XYZ else units_of_rates.get(suffix, "")
+        entries.append(_Entry(f"{name}_{suffix}" if suffix else name, unit))
+    return entries
+
+
+def _rates_of(joint: Any, name: str) -> list[_Entry]:
+    """The entries of v of a joint with this name."""
+    kind = kind_of(joint)
+    entries = []
+    for suffix, unit in zip(kind.v, kind.units, strict=True):
+        entries.append(_Entry(f"{name}_{suffix}" if suffix else name, unit))
+    return entries
+
+
 class JointSpace:
     """The meaning of q (nq,) and v (nv,) of a tree.
 
@@ -73,33 +133,32 @@ class JointSpace:
     def __init__(self, model: pin.Model) -> None:
         self._model = model
         self.joint_names: tuple[str, ...] = tuple(list(model.names)[1:])
-        q: list[tuple[str, str]] = []
-        v: list[tuple[str, str]] = []
+        positions: list[_Entry] = []
+        rates: list[_Entry] = []
         self._quaternions: list[_Start] = []
         self._circles: list[_Start] = []  # cosine and sine of an angle, and its rate
         self._positions: list[_Start] = []  # x, y, z of free-flyers
         self._plane_positions: list[_Start] = []  # x, y of planar joints
         self.names_by_joint: dict[str, dict[str, list[str]]] = {"position": {}, "rate": {}}
         for name, joint in zip(self.joint_names, list(model.joints)[1:], strict=True):
-            i = len(q)
-            k = len(v)
+            i = len(positions)
+            k = len(rates)
             for part, suffix in _parts(joint):
-                self._add(q, v, name + suffix, part)
-            self.names_by_joint["position"][name] = [word for word, _ in q[i:]]
-            self.names_by_joint["rate"][name] = [word for word, _ in v[k:]]
-        self.position_names = tuple(name for name, _ in q)
-        self.position_units = tuple(unit for _, unit in q)
-        self.rate_names = tuple(name for name, _ in v)
-        self.rate_units = tuple(unit for _, unit in v)
+                self._note_parts(part, _Start(len(positions), len(rates)))
+                positions += _positions_of(part, name + suffix)
+                rates += _rates_of(part, name + suffix)
+            self.names_by_joint["position"][name] = [entry.name for entry in positions[i:]]
+            self.names_by_joint["rate"][name] = [entry.name for entry in rates[k:]]
+        self.position_names = tuple(entry.name for entry in positions)
+        self.position_units = tuple(entry.unit for entry in positions)
+        self.rate_names = tuple(entry.name for entry in rates)
+        self.rate_units = tuple(entry.unit for entry in rates)
 
-    def _add(
-        self, q: list[tuple[str, str]], v: list[tuple[str, str]], name: str, joint: Any
-    ) -> None:
-        """Append names and units of a joint to the lists q and v, and note where q_dot is not v."""
-        kind = kind_of(joint)
+    def _note_parts(self, joint: Any, start: _Start) -> None:
+        """Note where the parts of a joint begin for which q_dot is not v."""
         short = joint.shortname()
-        i = len(q)
-        k = len(v)
+        i = start.q
+        k = start.v
         if short == "JointModelFreeFlyer":
             self._positions.append(_Start(i, k))
             self._quaternions.append(_Start(i + 3, k + 3))
@@ -108,15 +167,8 @@ class JointSpace:
         elif short == "JointModelPlanar":
             self._plane_positions.append(_Start(i, k))
             self._circles.append(_Start(i + 2, k + 2))
-        elif (joint.nq, joint.nv) == (2, 1):
+        elif is_continuous(joint):
             self._circles.append(_Start(i, k))
-        units = dict(zip(kind.v, kind.units, strict=True))
-        slides = "m" in kind.units
-        for suffix in kind.q:
-            unit = "m" if slides and suffix in _XYZ else units.get(suffix, "")
-            q.append((f"{name}_{suffix}" if suffix else name, unit))
-        for suffix, unit in units.items():
-            v.append((f"{name}_{suffix}" if suffix else name, unit))
 
     @cached_property
     def places(self) -> dict[str, list[int]]:
@@ -125,7 +177,7 @@ class JointSpace:
         for k, name in enumerate(self.position_names):
             if self.position_units[k]:
                 places[name] = [k]
-        for i, _ in self._circles:
+        for i, _ in self._circles:  # their cosines and sines have no unit
             name = self.position_names[i].removesuffix("_cos")
             places[name] = [i, i + 1]
         return places
@@ -156,15 +208,17 @@ class JointSpace:
             for k in of_joint:
                 joint_of_rate[k] = name
         names: list[str] = []
-        remaining = [int(k) for k in rates]
-        while remaining:
-            name = joint_of_rate[remaining[0]]
-            of_joint = self.rates[name]
-            if remaining[: len(of_joint)] == list(of_joint):
+        indices = [int(k) for k in rates]
+        i = 0
+        while i < len(indices):
+            name = joint_of_rate[indices[i]]
+            all_rates = list(self.rates[name])
+            if indices[i : i + len(all_rates)] == all_rates:
                 names.append(name)
-                del remaining[: len(of_joint)]
+                i += len(all_rates)
             else:
-                names.append(self.rate_names[remaining.pop(0)])
+                names.append(self.rate_names[indices[i]])
+                i += 1
         return tuple(names)
 
     @cached_property
@@ -186,7 +240,8 @@ class JointSpace:
         if self.euclidean:
             return v
         q_dot = np.empty(self._model.nq)
-        q_dot[self.plain[0]] = v[self.plain[1]]
+        in_q, in_v = self.plain
+        q_dot[in_q] = v[in_v]
         for i, k in self._quaternions:
             # The rate of a quaternion is its product with (omega / 2, 0).
             x, y, z, w = q[i : i + 4]
@@ -212,8 +267,8 @@ class JointSpace:
         if self.euclidean:
             return q
         q = q.copy()
-        for size, pairs in ((4, self._quaternions), (2, self._circles)):
-            for i, _ in pairs:
+        for size, starts in ((4, self._quaternions), (2, self._circles)):
+            for i, _ in starts:
                 length = np.linalg.norm(q[i : i + size])
                 if length == 0:
                     kind = "quaternion" if size == 4 else "cosine-sine pair"
@@ -293,29 +348,3 @@ def without_sign_changes(quaternions: Array) -> Array:
     signs = np.where((p[1:] * p[:-1]).sum(axis=1) < 0, -1, 1)  # relative to the one before
     p[1:] *= np.cumprod(signs)[:, None]
     return p
-
-
-def kind_of(joint: Any) -> _Kind:
-    """Names and units of a joint that is not a composite."""
-    short = joint.shortname()
-    if short in _OF_SEVERAL:
-        return _OF_SEVERAL[short]
-    if (joint.nq, joint.nv) == (2, 1):
-        return _UNBOUNDED
-    if (joint.nq, joint.nv) == (1, 1):
-        return _Kind(("",), ("",), ("m" if short.startswith("JointModelP") else "rad",))
-    # Another joint of several entries; they are numbered.
-    numbers = tuple(map(str, range(max(joint.nq, joint.nv))))
-    return _Kind(numbers[: joint.nq], numbers[: joint.nv], ("rad",) * joint.nv)
-
-
-def _parts(joint: Any) -> list[tuple[Any, str]]:
-    """The joint itself, or the joints of a composite in series, each with a suffix."""
-    if joint.shortname() != "JointModelComposite":
-        return [(joint, "")]
-    composite = joint.extract() if hasattr(joint, "extract") else joint
-    parts = []
-    for number, inner in enumerate(composite.joints, start=1):
-        for part, suffix in _parts(inner):
-            parts.append((part, f"_{number}{suffix}"))
-    return parts

@@ -39,20 +39,22 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     for i, joint in enumerate(old.joints):
         all_series.append(changes[i] if i in changes else Series.whole(joint))
 
-    # Joints and bodies. A carrier is the new joint that moves the body of an old one.
-    carriers = [_Carrier(0, pin.SE3.Identity())]
+    # Joints and bodies.
+    carriers = [_Carrier(0, pin.SE3.Identity(), [])]
     for i in range(1, old.njoints):
         parent = carriers[old.parents[i]]
         joint = parent.joint
         place = parent.place * old.jointPlacements[i]
+        series_joints = []
         for part in all_series[i].parts:
             name = old.names[i] + part.suffix
             joint = model.addJoint(joint, part.joint, place * part.place, name)
+            series_joints.append(joint)
             place = pin.SE3.Identity()
-        carrier = _Carrier(joint, place * all_series[i].place)
+        carrier = _Carrier(joint, place * all_series[i].place, series_joints)
         carriers.append(carrier)
         model.appendBodyToJoint(carrier.joint, old.inertias[i], carrier.place)
-    _copy_frames(old, model, carriers, [len(series.parts) for series in all_series])
+    _copy_frames(old, model, carriers)
 
     # Numbers of the joints, and their positions in the stored poses.
     poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
@@ -60,10 +62,8 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     model_joints = list(model.joints)
     for i in range(1, old.njoints):
         old_joint = old.joints[i]
-        parts = all_series[i].parts
-        last = carriers[i].joint
-        new_joints = model_joints[last - len(parts) + 1 : last + 1]
-        for part, new_joint in zip(parts, new_joints, strict=True):
+        new_joints = [model_joints[number] for number in carriers[i].series]
+        for part, new_joint in zip(all_series[i].parts, new_joints, strict=True):
             _copy_numbers(old, old_joint, model, new_joint, part)
         for name, pose in poses.items():
             q = pose[old_joint.idx_q : old_joint.idx_q + old_joint.nq]
@@ -76,19 +76,25 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
 
 
 class _Carrier(NamedTuple):
-    """The joint of the new tree that moves the body of an old joint, and the body's place on it."""
+    """What moves the body of an old joint in the new tree.
+
+    Attributes:
+        joint: Number of the new joint that moves the body.
+        place: Placement of the body on this joint.
+        series: Numbers of the new joints that replace the old one, the last of which is `joint`;
+            empty if the old joint is fixed.
+    """
 
     joint: int
     place: pin.SE3
+    series: Sequence[int]
 
 
-def _copy_frames(
-    old: pin.Model, model: pin.Model, carriers: Sequence[_Carrier], sizes: Sequence[int]
-) -> None:
+def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[_Carrier]) -> None:
     """Copy the frames.
 
-    The frame of a joint becomes a frame for each of the `sizes` new joints that replace it, or the
-    frame of a fixed joint if there is none.
+    The frame of a joint becomes a frame for each of the new joints that replace it, or the frame of
+    a fixed joint if there is none.
     """
     new_index = {0: 0}  # of each old frame, by its index
     for i, frame in enumerate(list(old.frames)[1:], 1):
@@ -97,12 +103,12 @@ def _copy_frames(
         parent_frame = new_index.get(frame.parentFrame, 0)
         kind = frame.type
         if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
-            for k in range(carrier.joint - sizes[joint] + 1, carrier.joint + 1):
+            for k in carrier.series:
                 new = pin.Frame(model.names[k], k, parent_frame, pin.SE3.Identity(), kind)
                 parent_frame = model.addFrame(new, False)
                 new_index[i] = parent_frame
             kind = pin.FrameType.FIXED_JOINT
-            if sizes[joint] or old.existFrame(frame.name, kind):
+            if carrier.series or old.existFrame(frame.name, kind):
                 continue
         place = carrier.place * frame.placement
         new = pin.Frame(frame.name, carrier.joint, parent_frame, place, kind)
