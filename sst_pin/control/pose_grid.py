@@ -113,17 +113,24 @@ class PoseGrid:
 
         Only prescribed components of the twists [linear; angular] are returned.
         """
-        pitch = self.component("pitch", 0.0)
-        yaw = self.component("yaw", 0.0)
-        zero = np.zeros(self.shape)
-        one = np.ones(self.shape)
+        return self._tangents(self.component("pitch", 0.0), self.component("yaw", 0.0))
+
+    def tangents_at(self, pose: pin.SE3, orientation_at_zero: Array) -> Array:
+        """As `tangents`, at a pose that need not be on the grid, shape (c, 2)."""
+        angles = pin.rpy.matrixToRpy(pose.rotation @ orientation_at_zero.T)
+        return self._tangents(angles[1], angles[2])
+
+    def _tangents(self, pitch: Array, yaw: Array) -> Array:
+        """Derivatives of poses by both axes for angles of shape (...), (..., c, 2)."""
+        zero = np.zeros(np.shape(pitch))
+        one = np.ones(np.shape(pitch))
         # The orientation is R_z(yaw) R_y(pitch) R_x(roll): the axis of each angle in base axes.
         rotation_axes = {
             "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
             "pitch": [-np.sin(yaw), np.cos(yaw), zero],
             "yaw": [zero, zero, one],
         }
-        twists = np.zeros((*self.shape, 6, 2))
+        twists = np.zeros((*np.shape(pitch), 6, 2))
         for k, axis in enumerate(self.axes):
             if axis in rotation_axes:
                 twists[..., 3:, k] = np.stack(rotation_axes[axis], axis=-1)

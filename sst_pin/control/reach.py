@@ -171,15 +171,15 @@ def reach_map(
     chain.compute_torques(q_start, zero_rates, zero_rates)
     # A: the prescribed twist of the frame is A times the rates of the motors.
     A_start = _motion_by_motors(chain, q_start, frame, grid)
-    _require_motion(A_start, grid)
-
-    # The poses that are reached.
     guide = _motor_guide(chain, frame, grid)
     start_pose = guide.pose(q_start)
     if rotation is None:
         orientation_at_zero = start_pose.rotation
     else:
         orientation_at_zero = single_array("rotation", rotation, (3, 3))
+    _require_motion(A_start, grid.tangents_at(start_pose, orientation_at_zero), grid)
+
+    # The poses that are reached.
     poses = grid.poses(start_pose.translation, orientation_at_zero)
     start_point = grid.point_of(start_pose, orientation_at_zero)
     why, q = reached_from(q_start, start_point, poses, chain, guide)
@@ -255,16 +255,18 @@ def _motor_guide(chain: ClosedChain, frame: str, grid: PoseGrid) -> FrameGuide:
     )
 
 
-def _require_motion(A: Array, grid: PoseGrid) -> None:
-    """Refuse a frame that cannot move along both axes of the grid from the start, by A there."""
-    names = list(grid.names)
-    for axis in grid.axes:
-        direction = np.zeros((len(names), 1))
-        direction[names.index(axis)] = 1.0
-        if _is_stuck(A, direction):
-            others = ", ".join(name for name in names if name != axis)
+def _require_motion(A: Array, tangents: Array, grid: PoseGrid) -> None:
+    """Refuse a frame that cannot move along both axes of the grid from the start.
+
+    A and the tangents of the grid, shape (c, 2), are those at the start.
+    """
+    for k, axis in enumerate(grid.axes):
+        if _is_stuck(A, tangents[:, [k]]):
+            others = ", ".join(name for name in grid.names if name != axis)
             problem = f"at the start the motors cannot move the frame along it with {others} fixed"
             cause = "the robot has fewer freedoms or motors, or the start is singular"
+            if grid.with_orientation:
+                cause += ", or the angles are not from the orientation at the start: rotation="
             raise InputError(axis, f"{problem}: {cause}")
 
 

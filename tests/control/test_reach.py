@@ -185,6 +185,21 @@ def two_turns(first, second):
     return sst_pin.ClosedChain(model, [], ["first", "second"])
 
 
+def test_the_ankle_reaches_angles_from_the_base_though_it_starts_oblique():
+    """Its cross turns about y, then about x: all rolls and pitches in the base are possible."""
+    ankle = sst_pin.robots.ankle()
+    roll, pitch = np.linspace(-0.1, 0.15, 4), np.linspace(-0.1, 0.2, 5)
+    reach = sst_pin.reach_map(ankle, "platform", roll=roll, pitch=pitch, rotation=np.eye(3))
+    assert reach.reached.all()
+    _, R = ankle.frame_placement(reach.q, "platform")
+    for i, j in np.ndindex(reach.reached.shape):
+        expected = pin.rpy.rpyToMatrix(roll[i], pitch[j], 0.0)
+        assert R[i, j] == pytest.approx(expected, abs=1e-9)
+    # By default the angles are zero at the start, where it leans: these rolls are impossible.
+    with pytest.raises(sst_pin.InputError, match="orientation at the start: rotation="):
+        sst_pin.reach_map(ankle, "platform", roll=roll, pitch=pitch)
+
+
 def test_a_map_is_a_cross_where_axes_turn_in_the_other_order_and_this_is_told():
     """Rx(a) Ry(b) is Ry(pitch) Rx(roll) only where one of the angles is 0."""
     angles = np.linspace(-0.4, 0.4, 9)
