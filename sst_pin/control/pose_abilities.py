@@ -73,6 +73,8 @@ def force_ellipsoid(
     """
     require_robot("chain", chain)
     largest = _largest_torques(chain, torques)
+    # A force along axis k takes torques, in multiples of the largest ones, s_k times as large. So
+    # the axis with the smallest s_k is the longest.
     G = _torques_of_forces(chain, q, frame, turning, largest).G
     s, axes = _singular_values(G.mT)
     with np.errstate(divide="ignore"):
@@ -115,22 +117,23 @@ def force_polytope(
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
 
-    # Forces x along the motions of the frame change the sums by C x.
+    # Forces x along the directions in which the frame can move change the sums by C x. A part
+    # changes by 2 / (largest - least) for each unit of a torque.
     map_of_forces = _torques_of_forces(chain, single, frame, turning)
-    moving = _range(map_of_forces.J)
-    if not len(moving):
+    directions = _range(map_of_forces.J)  # in rows
+    if not len(directions):
         kind = "turn" if turning else "translate"
         raise InputError("frame", f"{frame} cannot {kind}: the structure carries all forces on it")
-    torques_of_x = map_of_forces.G @ moving.T
+    torques_of_x = map_of_forces.G @ directions.T
     parts_of_x = 2 / np.ptp(limits, axis=1)[:, None] * torques_of_x
     C = sums_of(factors, parts_of_x.T).T
-    if np.linalg.matrix_rank(C, RANK_TOLERANCE * np.abs(C).max(initial=0.0)) < len(moving):
+    if np.linalg.matrix_rank(C, RANK_TOLERANCE * np.abs(C).max(initial=0.0)) < len(directions):
         raise SingularConfigurationError("forces of the frame take no torques", np.inf)
 
-    # The sums stay between -1 and 1.
+    # The sums stay between -1 and 1: sums + C x <= 1, and -sums - C x <= 1.
     A = np.vstack([C, -C])
     b = np.concatenate([1 - sums, 1 + sums])
-    return corners_of_inequalities(A, b) @ moving
+    return corners_of_inequalities(A, b) @ directions
 
 
 def acceleration_ellipsoid(
