@@ -38,7 +38,7 @@ class MjcfBodies:
     Attributes:
         joints: MuJoCo's joints, in its order.
         of_joint: The element of the body of each joint of the normal tree, the base first.
-        base: The element in which the bodies are that are not on another one.
+        base: The element in which the first bodies are: the base, or the world.
         names: Names of the bodies, by the joint of the normal tree.
         problems: What MJCF cannot express.
         notes: What is left out or written with other numbers.

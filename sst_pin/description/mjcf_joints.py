@@ -22,7 +22,7 @@ _ROUNDING = 1e-15
 
 
 class MjcfJoint(NamedTuple):
-    """A joint of MuJoCo, with q and v of the robot."""
+    """A joint of MuJoCo, and how its coordinates follow from q and v of the robot."""
 
     name: str
     #: "hinge", "slide", "ball" or "free".

@@ -72,7 +72,8 @@ def mjcf_shapes(
     """
     shapes = pin.GeometryModel()
     for i in range(mj.ngeom):
-        colour = mj.mat_rgba[mj.geom_matid[i]] if mj.geom_matid[i] >= 0 else mj.geom_rgba[i]
+        material = mj.geom_matid[i]  # -1: none
+        colour = mj.geom_rgba[i] if material < 0 else mj.mat_rgba[material]
         geometry = _geometry(mj, i)
         if geometry is None or not colour[3] or mj.geom_group[i] >= _SHOWN_GROUPS:
             continue

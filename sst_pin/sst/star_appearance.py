@@ -39,7 +39,8 @@ def appearance_of(geometry: Geometry, radius: float) -> Appearance:
             axes.append((f"e_{number}", colour))
     E = pin.SE3(np.eye(3), radius * geometry.R_E[0][:, 0])
     frames = tuple(_frames(geometry, radius))
-    point = DrawnFrame("E", 3, E)
+    beta_1 = 3  # the joint that moves the star
+    point = DrawnFrame("E", beta_1, E)
     return Appearance(
         axes=tuple(axes),
         frames=frames,
@@ -56,15 +57,16 @@ def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
 
     `r` is the radius of the star's arcs, [m].
     """
-    # Where frames {0k} to {3k} are drawn, in their own axes, in radii.
-    apart = ((1, 0, 0), (0.72, 0, 0), (1.16, 0, 0), (1.06 * np.cos(0.7), -1.06 * np.sin(0.7), 0))
+    # Where frames {1k}, {2k}, {3k} of the links of a leg are drawn, in their own axes, in radii.
+    on_links = ((0.72, 0, 0), (1.16, 0, 0), (1.06 * np.cos(0.7), -1.06 * np.sin(0.7), 0))
     for k in range(3):
-        for i, where in enumerate(apart):
-            joint = 3 * k + i
-            at = pin.SE3(np.eye(3), r * np.array(where, dtype=float))
-            if i == 0:
-                joint = 0
-                at = pin.SE3(geometry.R_0[k], np.zeros(3)) * at
-            yield DrawnFrame(f"{{{i}{k + 1}}}", joint, at, LEG_COLOURS[k])
+        colour = LEG_COLOURS[k]
+        on_base = pin.SE3(geometry.R_0[k], np.zeros(3)) * pin.SE3(np.eye(3), np.array([r, 0, 0]))
+        yield DrawnFrame(f"{{0{k + 1}}}", 0, on_base, colour)
+        for i, place in enumerate(on_links, start=1):
+            joint = 3 * k + i  # gamma_k, mu_k, beta_k; 0 is the base
+            at = pin.SE3(np.eye(3), r * np.array(place, dtype=float))
+            yield DrawnFrame(f"{{{i}{k + 1}}}", joint, at, colour)
     R_E = geometry.R_E[0]
-    yield DrawnFrame("{E}", 3, pin.SE3(R_E, 1.12 * r * R_E[:, 0]))
+    beta_1 = 3
+    yield DrawnFrame("{E}", beta_1, pin.SE3(R_E, 1.12 * r * R_E[:, 0]))
