@@ -9,7 +9,6 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -58,7 +57,8 @@ class Table(NamedTuple):
         """Columns side by side, shape (rows, len(names)); the error names missing ones."""
         missing = [name for name in names if name not in self.columns]
         if missing:
-            text = f"missing column{'s' * (len(missing) > 1)} {', '.join(missing)}"
+            noun = "column" if len(missing) == 1 else "columns"
+            text = f"missing {noun} {', '.join(missing)}"
             raise FileFormatError(self.path, f"{text}; found: {', '.join(self.columns)}")
         return self.values[:, [self.columns.index(name) for name in names]]
 
@@ -69,17 +69,11 @@ def read_table(source: str | Path | BinaryIO, *, timed: bool = True) -> Table:
     The column of times is `t_s`; `time_s`, `t` and `time` are taken for it. The error names the
     line.
     """
-    path = as_path(source) if isinstance(source, str | os.PathLike) else _stream_name(source)
-    try:
-        with path.open("rb") if isinstance(source, str | os.PathLike) else nullcontext(source) as f:
-            content = f.read(_LARGEST + 1)
-        text = "" if len(content) > _LARGEST else content.decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise FileFormatError(path, f"cannot be read: {reason}") from None
-    if len(content) > _LARGEST:
-        raise FileFormatError(path, f"has more than {_LARGEST} bytes")
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
+    if isinstance(source, str | os.PathLike):
+        path = as_path(source)
+    else:
+        path = _stream_name(source)
+    reader = csv.reader(io.StringIO(_text(path, source), newline=""), skipinitialspace=True)
     try:
         header = tuple(_TIME.get(name.strip(), name.strip()) for name in next(reader, []))
         rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
@@ -94,13 +88,36 @@ def read_table(source: str | Path | BinaryIO, *, timed: bool = True) -> Table:
         raise FileFormatError(path, "no rows below the header")
     values = np.array([_numbers(path, line, header, row) for line, row in rows])
     lines = tuple(line for line, _ in rows)
-    times = values[:, header.index("t_s")] if timed else np.arange(len(rows))
-    backwards = np.flatnonzero(np.diff(times) <= 0)
-    if backwards.size:
-        i = int(backwards[0])
+    table = Table(path, header, values, lines)
+    if timed:
+        _require_increasing_times(table)
+    return table
+
+
+def _text(path: Path, source: str | Path | BinaryIO) -> str:
+    """The text of a file or stream; `path` is its name in messages."""
+    try:
+        if isinstance(source, str | os.PathLike):
+            with path.open("rb") as file:
+                content = file.read(_LARGEST + 1)
+        else:
+            content = source.read(_LARGEST + 1)
+        if len(content) > _LARGEST:
+            raise FileFormatError(path, f"has more than {_LARGEST} bytes")
+        return content.decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise FileFormatError(path, f"cannot be read: {reason}") from None
+
+
+def _require_increasing_times(table: Table) -> None:
+    """Refuse times that do not increase; the error names the line."""
+    times = table.column("t_s")
+    not_later = np.flatnonzero(np.diff(times) <= 0)
+    if not_later.size:
+        i = int(not_later[0])
         text = f"times must increase: t_s = {times[i + 1]:g} after {times[i]:g}"
-        raise FileFormatError(path, text, lines[i + 1])
-    return Table(path, header, values, lines)
+        raise FileFormatError(table.path, text, table.lines[i + 1])
 
 
 def _stream_name(source: object) -> Path:
@@ -153,19 +170,22 @@ def write_files(
     get their content back. A file that is replaced keeps its mode, and a link to it remains. Only
     `folder` and folders inside it are created if they are missing.
     """
-    places = {path: _place(as_path(path), force) for path in files}
-    parents = [folder.absolute()] if folder else [place for place, _ in places.values()]
-    for parent in (path.parent for path in parents):
+    targets = {path: _target_of(as_path(path), force) for path in files}
+    if folder is not None:
+        parents = [folder.absolute().parent]
+    else:
+        parents = [target.path.parent for target in targets.values()]
+    for parent in parents:
         if not parent.exists():
             raise OutputError(parent, "the folder does not exist; create it first")
-    complete = list[tuple[Path, Path]]()
-    path = next(iter(files), Path())
+    complete = list[tuple[Path, Path]]()  # temporary files, and the targets that they replace
+    path = next(iter(files), Path())  # for the error of `_replace`
     try:
         for path, write in files.items():
-            target, mode = places[path]
+            target = targets[path]
             if folder is not None:
-                target.parent.mkdir(parents=True, exist_ok=True)
-            complete.append((_written(target, mode, write), target))
+                target.path.parent.mkdir(parents=True, exist_ok=True)
+            complete.append((_written(target, write), target.path))
         _replace(complete)
     except OSError as error:
         raise OutputError(path, f"cannot be written: {error.strerror or error}") from None
@@ -174,30 +194,39 @@ def write_files(
             partial.unlink(missing_ok=True)
 
 
-def _place(path: Path, force: bool) -> tuple[Path, int]:
-    """The file that a path leads to, beyond links, and the mode that it has or will have."""
+class _Target(NamedTuple):
+    """A file to be written, and the mode that it has or will have."""
+
+    path: Path
+    mode: int
+
+
+def _target_of(path: Path, force: bool) -> _Target:
+    """The file that a path leads to, beyond links; files that must not be written are refused."""
     try:
         target = Path(os.path.realpath(path))
         mode = target.stat().st_mode
     except FileNotFoundError:
-        os.umask(mask := os.umask(0))  # there is no other way to read it
-        return target, 0o666 & ~mask
+        mask = os.umask(0)  # there is no other way to read it
+        os.umask(mask)
+        return _Target(target, 0o666 & ~mask)
     except OSError as error:
         raise OutputError(path, f"cannot be written: {error.strerror}") from None
     if not stat.S_ISREG(mode):
-        raise OutputError(path, f"is a {'folder' if stat.S_ISDIR(mode) else 'device'}, not a file")
+        kind = "folder" if stat.S_ISDIR(mode) else "device"
+        raise OutputError(path, f"is a {kind}, not a file")
     if not force:
         raise OutputError(path, "exists already; use force (--force) to replace it")
-    return target, stat.S_IMODE(mode)
+    return _Target(target, stat.S_IMODE(mode))
 
 
-def _written(path: Path, mode: int, write: Writer) -> Path:
-    """A temporary file beside a path, with the content that the path will get."""
-    partial = _beside(path)
+def _written(target: _Target, write: Writer) -> Path:
+    """A temporary file beside a target, with the content that the target will get."""
+    partial = _beside(target.path)
     try:
         with partial.open("wb") as file:
             write(file)
-        partial.chmod(mode)  # mkstemp makes files that only their owner can read
+        partial.chmod(target.mode)  # mkstemp makes files that only their owner can read
     except BaseException:
         partial.unlink(missing_ok=True)
         raise

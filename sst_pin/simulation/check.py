@@ -15,7 +15,7 @@ from .trajectories import Trajectory, require_motion
 
 #: A configuration with a larger condition number of the dependent joints is close to a singularity.
 LARGEST_CONDITION = 1e3
-#: Larger limits are none, as URDF files write them.
+#: URDF files write larger limits for none.
 FAR = 1e9
 #: Rounding of a force that is exactly at its limit.
 _ROUNDING = 1e-9
@@ -69,10 +69,70 @@ def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
     return np.array([np.nan]), q[None]
 
 
-def over_limits(mechanism: Mechanism) -> Array:
+def limit_tolerances(mechanism: Mechanism) -> Array:
     """Tolerance of the limits for rounding, shape (nq,); infinite for entries without a unit."""
     sizes = {"rad": 1.0, "m": mechanism.length, "": np.inf}
     return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in mechanism.space.position_units])
+
+
+def outside(
+    what: str,
+    names: Sequence[str],
+    units: Sequence[str],
+    t: Array,
+    values: Array,
+    is_outside: Flags,
+    ends: tuple[Array, Array],
+) -> Iterator[Finding]:
+    """A finding for each column of values that leaves its range, with the samples that do.
+
+    Args:
+        what: What the ranges limit, for the text.
+        names: Names of the columns.
+        units: Their units; columns without a unit have no range.
+        t: Times, shape (N,).
+        values: Shape (N, columns).
+        is_outside: Which values are out of their range, shape (N, columns).
+        ends: Lower and upper limits, shapes (columns,).
+    """
+    low, high = ends
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        samples = is_outside[:, i]
+        if not unit or not samples.any():
+            continue
+        limits = (float(low[i]), float(high[i]))
+        first, last = np.degrees(limits) if unit == "deg" else limits
+        problem = f"{name} leaves its {what} of {first:.4g} to {last:.4g} {unit}"
+        yield Finding(problem, (name,), t[samples], values[samples, i], limits, unit)
+
+
+def singular(
+    problem: str,
+    joints: tuple[str, ...],
+    t: Array,
+    values: Array,
+    is_singular: Flags,
+    limits: tuple[float, float],
+) -> Iterator[Finding]:
+    """One finding for all samples where `is_singular` is true; none if there are none."""
+    if is_singular.any():
+        times = t[is_singular]
+        yield Finding(problem, joints, times, values[is_singular], limits, singular=True)
+
+
+def _lengths(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
+    """Lines that are shorter or longer than they can be."""
+    lines = engine.mechanism.lines.forces
+    low = np.array([line.lower for line in lines])
+    high = np.array([line.upper for line in lines])
+    if not (low.any() or np.isfinite(high).any()):
+        return
+    lengths = np.array([engine.reference.line_lengths(each) for each in q])
+    tolerance = CLOSURE_TOLERANCE * engine.mechanism.length
+    is_outside = np.maximum(low - lengths, lengths - high) > tolerance
+    names = [line.name for line in lines]
+    units = ["m" for _ in lines]
+    yield from outside("lengths", names, units, t, lengths, is_outside, (low, high))
 
 
 def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
@@ -82,9 +142,9 @@ def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     space = mechanism.space
     low = model.lowerPositionLimit
     high = model.upperPositionLimit
-    out = np.maximum(low - q, q - high) > over_limits(mechanism)
+    is_outside = np.maximum(low - q, q - high) > limit_tolerances(mechanism)
     names = space.position_names
-    yield from outside("limits", names, space.position_units, t, q, out, (low, high))
+    yield from outside("limits", names, space.position_units, t, q, is_outside, (low, high))
     yield from _lengths(engine, t, q)
     closed = engine.loops.are_closed(q)
     condition = np.ones(len(q))  # open loops have no condition number
@@ -99,19 +159,18 @@ def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     )
 
 
-def _lengths(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
-    """Lines that are shorter or longer than they can be."""
-    lines = engine.mechanism.lines.forces
-    low = np.array([line.lower for line in lines])
-    high = np.array([line.upper for line in lines])
-    if not (low.any() or np.isfinite(high).any()):
-        return
-    lengths = np.array([engine.reference.line_lengths(each) for each in q])
-    tolerance = CLOSURE_TOLERANCE * engine.mechanism.length
-    out = np.maximum(low - lengths, lengths - high) > tolerance
-    names = [line.name for line in lines]
-    units = ["m" for _ in lines]
-    yield from outside("lengths", names, units, t, lengths, out, (low, high))
+def _limits(numbers: Sequence[float] | Array) -> Array:
+    """Limits of efforts or velocities; zero, or beyond all machines, is none."""
+    values = np.array(numbers, dtype=float)
+    return np.where((values > 0) & (values < FAR), values, np.inf)
+
+
+def _beyond(
+    what: str, names: Sequence[str], units: Sequence[str], t: Array, values: Array, limits: Array
+) -> Iterator[Finding]:
+    """A finding for each value that is larger than its limit, whatever its sign."""
+    is_outside = np.abs(values) > limits * (1 + _ROUNDING)
+    yield from outside(what, names, units, t, values, is_outside, (-limits, limits))
 
 
 def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
@@ -148,61 +207,3 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     yield from _beyond("velocities", joint_names, units, t, v, joint_limits)
     units = ["m/s" for _ in line_names]
     yield from _beyond("velocities", line_names, units, t, engine.line_rates(q, v), line_limits)
-
-
-def _limits(numbers: Sequence[float] | Array) -> Array:
-    """Limits of efforts or velocities; zero, or beyond all machines, is none."""
-    values = np.array(numbers, dtype=float)
-    return np.where((values > 0) & (values < FAR), values, np.inf)
-
-
-def _beyond(
-    what: str, names: Sequence[str], units: Sequence[str], t: Array, values: Array, limits: Array
-) -> Iterator[Finding]:
-    """A finding for each value that is larger than its limit, whatever its sign."""
-    out = np.abs(values) > limits * (1 + _ROUNDING)
-    yield from outside(what, names, units, t, values, out, (-limits, limits))
-
-
-def singular(
-    problem: str,
-    joints: tuple[str, ...],
-    t: Array,
-    values: Array,
-    out: Flags,
-    limits: tuple[float, float],
-) -> Iterator[Finding]:
-    """One finding for all samples where `out` is true; none if there are none."""
-    if out.any():
-        yield Finding(problem, joints, t[out], values[out], limits, singular=True)
-
-
-def outside(
-    what: str,
-    names: Sequence[str],
-    units: Sequence[str],
-    t: Array,
-    values: Array,
-    out: Flags,
-    ends: tuple[Array, Array],
-) -> Iterator[Finding]:
-    """A finding for each column of values that leaves its range, at samples where `out` is true.
-
-    Args:
-        what: What the ranges limit, for the text.
-        names: Names of the columns.
-        units: Their units; columns without a unit have no range.
-        t: Times, shape (N,).
-        values: Shape (N, columns).
-        out: Which values are out of their range, shape (N, columns).
-        ends: Lower and upper limits, shapes (columns,).
-    """
-    low, high = ends
-    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
-        beyond = out[:, i]
-        if not unit or not beyond.any():
-            continue
-        limits = (float(low[i]), float(high[i]))
-        first, last = np.degrees(limits) if unit == "deg" else limits
-        problem = f"{name} leaves its {what} of {first:.4g} to {last:.4g} {unit}"
-        yield Finding(problem, (name,), t[beyond], values[beyond, i], limits, unit)

@@ -60,7 +60,8 @@ def parts_of(table: Table) -> dict[str, Any]:
         raise FileFormatError(table.path, text)
     if {column.name for column in aa} - {column.name for column in va}:
         raise FileFormatError(table.path, "not a motion: accelerations of joints without rates", 1)
-    # Accelerations in the order of the rates, so that both have the same coordinates.
+    # Accelerations in the order of the rates, so that both have the same coordinates: the column of
+    # an acceleration, such as crank_rad_s2, is that of the rate and a 2.
     accelerations = [f"{column.column}2" for column in va]
     return {
         "t": table.column("t_s"),

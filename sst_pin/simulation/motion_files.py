@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, TypeGuard
+from typing import BinaryIO, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -18,10 +18,123 @@ from .coordinate_motions import coordinate_trajectory
 from .motion_columns import columns_in, columns_of
 from .trajectories import Trajectory, require_motion, trajectory_of
 
-#: q, va, aa of a table whose columns are not joints; None if they are.
+#: Computes q, va and aa from a table whose columns are not joints; None for other tables.
 TableReader = Callable[[Table], tuple[Array, Array, Array] | None]
 #: Factors to SI units by the ending of a joint's column.
 _ENDINGS = {"rad": {"_rad": 1.0, "_deg": np.pi / 180}, "m": {"_m": 1.0, "_mm": 1e-3}}
+
+
+def _position_columns(mechanism: Mechanism) -> list[str]:
+    """Names of the columns of q, as `Trajectory.save` writes them."""
+    return columns_of("q", mechanism.space.position_names, mechanism.space.position_units)
+
+
+def _rate_columns(mechanism: Mechanism) -> list[str]:
+    """Names of the columns of va."""
+    return columns_of("va", mechanism.coordinate_rate_names, mechanism.coordinate_rate_units)
+
+
+def _joint_positions(mechanism: Mechanism, table: Table) -> dict[str, Array]:
+    """Positions of the joints that have a column, in SI."""
+    joints = dict[str, Array]()
+    columns = set(table.columns)
+    for name, unit in units_by_joint(mechanism.space).items():
+        if unit == "rad":
+            moves = "turns"
+            wrong_endings = _ENDINGS["m"]
+        else:
+            moves = "slides"
+            wrong_endings = _ENDINGS["rad"]
+        wrong = sorted(columns & {f"{name}{ending}" for ending in wrong_endings})
+        if wrong:
+            text = f"{', '.join(wrong)}: the joint {name} {moves}, in {unit}"
+            raise FileFormatError(table.path, text, 1)
+        factors = {f"{name}{ending}": factor for ending, factor in _ENDINGS[unit].items()}
+        several = [column for column in factors if column in columns]
+        if len(several) > 1:
+            text = f"one joint has several columns: {', '.join(several)}"
+            raise FileFormatError(table.path, text, 1)
+        if several:
+            joints[name] = factors[several[0]] * table.column(several[0])
+    return joints
+
+
+def _needed_columns(mechanism: Mechanism, table: Table) -> str:
+    """The columns that a motion needs, and those of the table, for messages."""
+    known = units_by_joint(mechanism.space)
+    names = mechanism.coordinate_names
+    columns = f"this file has {', '.join(table.columns)}"
+    if not set(names) <= known.keys():
+        needed = ", ".join(["t_s", *_position_columns(mechanism), *_rate_columns(mechanism)])
+        return f"a motion of this robot has the columns {needed} and accelerations; {columns}"
+    needed = ", ".join(["t_s", *(f"{name}_{known[name]}" for name in names)])
+    return f"a motion has the columns {needed} (or _deg, _mm); {columns}"
+
+
+def _coordinates_and_start(engine: Engine, table: Table) -> tuple[Array, Array]:
+    """Positions of the coordinates in a table, shape (N, n), and the configuration at the start."""
+    mechanism = engine.mechanism
+    mechanism.require_freedom()
+    joints = _joint_positions(mechanism, table)
+    names = mechanism.coordinate_names
+    missing = [name for name in names if name not in joints]
+    if missing:
+        problem = f"no column of {', '.join(missing)}; {_needed_columns(mechanism, table)}"
+        raise FileFormatError(table.path, problem, 1)
+    if len(table.lines) < 3:
+        raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
+    x = np.column_stack([joints[name] for name in names])
+    first = {name: float(positions[0]) for name, positions in joints.items()}
+    return x, placed(engine, first)
+
+
+def _saved_columns(mechanism: Mechanism, table: Table) -> tuple[Array, Array, Array] | None:
+    """q, va and aa in a table that `Trajectory.save` has written; None if columns are missing."""
+    positions = _position_columns(mechanism)
+    rates = _rate_columns(mechanism)
+    accelerations = [f"{name}2" for name in rates]  # crank_rad_s2 for crank_rad_s
+    if not {*positions, *rates, *accelerations} <= set(table.columns):
+        return None
+    return table.select(positions), table.select(rates), table.select(accelerations)
+
+
+def _motion_of(
+    engine: Engine, table: Table, reader: TableReader | None, tau: Array | None = None
+) -> Trajectory:
+    """The motion in a table, with torques tau, or computed torques without them."""
+    mechanism = engine.mechanism
+    t = table.column("t_s")
+    joint_motion = _saved_columns(mechanism, table)
+    if joint_motion is None and reader is not None:
+        joint_motion = reader(table)
+    if joint_motion is not None:
+        q, va, aa = joint_motion
+        if tau is None:
+            tau = engine.torques(q, va, aa)
+        return trajectory_of(mechanism, t, q, va, aa, tau)
+    x, start = _coordinates_and_start(engine, table)
+    try:
+        motion = coordinate_trajectory(engine, t, x, start)
+    except ClosureError as error:
+        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
+        raise FileFormatError(table.path, str(error), line) from None
+    if tau is None:
+        return motion
+    return trajectory_of(mechanism, t, motion.q, motion.va, motion.aa, tau)
+
+
+def _is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
+    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
+
+
+def _saved_motion(mechanism: Mechanism, source: str | Path) -> Trajectory:
+    """A motion of this robot in an NPZ."""
+    motion = Trajectory.load(source)
+    try:
+        require_motion(motion, mechanism)
+    except InputError as error:
+        raise FileFormatError(source, str(error)) from None
+    return motion
 
 
 def read_motion(
@@ -46,7 +159,7 @@ def load_motion(
     The file is one of `Trajectory.save`, or a CSV for `read_motion`; a stream is a CSV.
     """
     if _is_npz(source):
-        return _saved(engine.mechanism, source)
+        return _saved_motion(engine.mechanism, source)
     table = read_table(source)
     tau = read_torques(engine.mechanism, table) if columns_in(table, "tau") else None
     return _motion_of(engine, table, reader, tau)
@@ -54,31 +167,32 @@ def load_motion(
 
 def motion_table(mechanism: Mechanism, source: str | Path | BinaryIO) -> Table:
     """The columns of a motion in a CSV, or in an NPZ that `Trajectory.save` has written."""
-    return _saved(mechanism, source).table(Path(source)) if _is_npz(source) else read_table(source)
+    if _is_npz(source):
+        return _saved_motion(mechanism, source).table(Path(source))
+    return read_table(source)
 
 
-def _is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
-    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
+class Log(NamedTuple):
+    """A measured motion.
 
-
-def _saved(mechanism: Mechanism, source: str | Path) -> Trajectory:
-    """A motion of this robot in an NPZ."""
-    motion = Trajectory.load(source)
-    try:
-        require_motion(motion, mechanism)
-    except InputError as error:
-        raise FileFormatError(source, str(error)) from None
-    return motion
-
-
-def read_log(engine: Engine, source: str | Path | BinaryIO) -> tuple[Array, Array, Array, Array]:
-    """Measured times (N,), coordinates (N, n), torques (N, motors) in a CSV, and the first q (nq,).
-
-    Columns are named as for `read_motion` and `read_torques`.
+    Attributes:
+        t: Times, shape (N,), [s].
+        x: Positions of the coordinates, shape (N, n).
+        tau: Motor torques, shape (N, motors).
+        start: The first configuration, shape (nq,).
     """
+
+    t: Array
+    x: Array
+    tau: Array
+    start: Array
+
+
+def read_log(engine: Engine, source: str | Path | BinaryIO) -> Log:
+    """The measured motion in a CSV, with columns as for `read_motion` and `read_torques`."""
     table = motion_table(engine.mechanism, source)
-    x, start = _coordinates(engine, table)
-    return table.column("t_s"), x, read_torques(engine.mechanism, table), start
+    x, start = _coordinates_and_start(engine, table)
+    return Log(table.column("t_s"), x, read_torques(engine.mechanism, table), start)
 
 
 def read_torques(mechanism: Mechanism, table: Table) -> Array:
@@ -104,32 +218,9 @@ def read_torques(mechanism: Mechanism, table: Table) -> Array:
     return table.select(columns)
 
 
-def read_start(
-    engine: Engine,
-    table: Table,
-    q0: Mapping[str, float] | None = None,
-    va0: Mapping[str, float] | None = None,
-) -> tuple[Array, Array]:
-    """Initial q, shape (nq,), and va, shape (n,), by name, or from the first row of a table.
-
-    The table has positions as for `read_motion`, and rates `NAME_rad_s` or `NAME_m_s`. Without
-    `va0` the rates are those of the row, or zero if q0 is given and the row has none; rates that
-    `va0` leaves out are zero.
-    """
-    va = _start_rates(engine.mechanism, table, q0, va0)
-    positions = _position_columns(engine.mechanism)
-    if q0 is None and set(positions) <= set(table.columns):
-        return assemble(engine, table.select(positions)[0]), va
-    if q0 is None:
-        joints = _joints(engine.mechanism, table)
-        q0 = {name: float(positions[0]) for name, positions in joints.items()}
-    names = engine.mechanism.coordinate_names
-    missing = [name for name in names if name not in q0]
-    if missing:
-        cure = f"give --q0 {_arguments(names)}"
-        problem = f"no {', '.join(missing)} for the initial positions; {cure}"
-        raise FileFormatError(table.path, problem)
-    return placed(engine, q0), va
+def _arguments(names: Sequence[str]) -> str:
+    """An example of an option of the shell."""
+    return ",".join(f"{name}=.." for name in names)
 
 
 def _start_rates(
@@ -156,103 +247,29 @@ def _start_rates(
     raise FileFormatError(table.path, problem)
 
 
-def _arguments(names: Sequence[str]) -> str:
-    """An example of an option of the shell."""
-    return ",".join(f"{name}=.." for name in names)
+def read_start(
+    engine: Engine,
+    table: Table,
+    q0: Mapping[str, float] | None = None,
+    va0: Mapping[str, float] | None = None,
+) -> tuple[Array, Array]:
+    """Initial q, shape (nq,), and va, shape (n,), by name, or from the first row of a table.
 
-
-def _motion_of(
-    engine: Engine, table: Table, reader: TableReader | None, tau: Array | None = None
-) -> Trajectory:
-    """The motion in a table, with torques tau, or computed torques without them."""
-    mechanism = engine.mechanism
-    t = table.column("t_s")
-    joint_motion = _saved_columns(mechanism, table)
-    if joint_motion is None and reader is not None:
-        joint_motion = reader(table)
-    if joint_motion is not None:
-        q, va, aa = joint_motion
-        if tau is None:
-            tau = engine.torques(q, va, aa)
-        return trajectory_of(mechanism, t, q, va, aa, tau)
-    x, start = _coordinates(engine, table)
-    try:
-        motion = coordinate_trajectory(engine, t, x, start)
-    except ClosureError as error:
-        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
-        raise FileFormatError(table.path, str(error), line) from None
-    if tau is None:
-        return motion
-    return trajectory_of(mechanism, t, motion.q, motion.va, motion.aa, tau)
-
-
-def _saved_columns(mechanism: Mechanism, table: Table) -> tuple[Array, Array, Array] | None:
-    """q, va and aa in a table that `Trajectory.save` has written; None if columns are missing."""
-    positions = _position_columns(mechanism)
-    rates = _rate_columns(mechanism)
-    accelerations = [f"{name}2" for name in rates]
-    if not {*positions, *rates, *accelerations} <= set(table.columns):
-        return None
-    return table.select(positions), table.select(rates), table.select(accelerations)
-
-
-def _coordinates(engine: Engine, table: Table) -> tuple[Array, Array]:
-    """Positions of the coordinates, shape (N, n), and the configuration at the start."""
-    mechanism = engine.mechanism
-    mechanism.require_freedom()
-    joints = _joints(mechanism, table)
-    names = mechanism.coordinate_names
-    missing = [name for name in names if name not in joints]
+    The table has positions as for `read_motion`, and rates `NAME_rad_s` or `NAME_m_s`. Without
+    `va0` the rates are those of the row, or zero if q0 is given and the row has none; rates that
+    `va0` leaves out are zero.
+    """
+    va = _start_rates(engine.mechanism, table, q0, va0)
+    positions = _position_columns(engine.mechanism)
+    if q0 is None and set(positions) <= set(table.columns):
+        return assemble(engine, table.select(positions)[0]), va
+    if q0 is None:
+        joints = _joint_positions(engine.mechanism, table)
+        q0 = {name: float(positions[0]) for name, positions in joints.items()}
+    names = engine.mechanism.coordinate_names
+    missing = [name for name in names if name not in q0]
     if missing:
-        problem = f"no column of {', '.join(missing)}; {_expected(mechanism, table)}"
-        raise FileFormatError(table.path, problem, 1)
-    if len(table.lines) < 3:
-        raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
-    x = np.column_stack([joints[name] for name in names])
-    first = {name: float(positions[0]) for name, positions in joints.items()}
-    return x, placed(engine, first)
-
-
-def _expected(mechanism: Mechanism, table: Table) -> str:
-    """The columns of a motion, and those of the table."""
-    known = units_by_joint(mechanism.space)
-    names = mechanism.coordinate_names
-    columns = f"this file has {', '.join(table.columns)}"
-    if not set(names) <= known.keys():
-        needed = ", ".join(["t_s", *_position_columns(mechanism), *_rate_columns(mechanism)])
-        return f"a motion of this robot has the columns {needed} and accelerations; {columns}"
-    needed = ", ".join(["t_s", *(f"{name}_{known[name]}" for name in names)])
-    return f"a motion has the columns {needed} (or _deg, _mm); {columns}"
-
-
-def _position_columns(mechanism: Mechanism) -> list[str]:
-    return columns_of("q", mechanism.space.position_names, mechanism.space.position_units)
-
-
-def _rate_columns(mechanism: Mechanism) -> list[str]:
-    return columns_of("va", mechanism.coordinate_rate_names, mechanism.coordinate_rate_units)
-
-
-def _joints(mechanism: Mechanism, table: Table) -> dict[str, Array]:
-    """Positions of the joints that have a column, in SI."""
-    joints = dict[str, Array]()
-    columns = set(table.columns)
-    for name, unit in units_by_joint(mechanism.space).items():
-        if unit == "rad":
-            moves = "turns"
-            wrong_endings = _ENDINGS["m"]
-        else:
-            moves = "slides"
-            wrong_endings = _ENDINGS["rad"]
-        wrong = sorted(columns & {f"{name}{ending}" for ending in wrong_endings})
-        if wrong:
-            text = f"{', '.join(wrong)}: the joint {name} {moves}, in {unit}"
-            raise FileFormatError(table.path, text, 1)
-        factors = {f"{name}{ending}": factor for ending, factor in _ENDINGS[unit].items()}
-        several = [column for column in factors if column in columns]
-        if len(several) > 1:
-            text = f"one joint has several columns: {', '.join(several)}"
-            raise FileFormatError(table.path, text, 1)
-        if several:
-            joints[name] = factors[several[0]] * table.column(several[0])
-    return joints
+        cure = f"give --q0 {_arguments(names)}"
+        problem = f"no {', '.join(missing)} for the initial positions; {cure}"
+        raise FileFormatError(table.path, problem)
+    return placed(engine, q0), va

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from ..simulation.check import LARGEST_CONDITION, over_limits
+from ..simulation.check import LARGEST_CONDITION, limit_tolerances
 from .curve_sets import torques_of
 from .robot_scene import Scene
 from .scene_parts import ForceArrow, TorqueArrow
@@ -139,7 +139,7 @@ def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
     """Limits of the joints' positions, and of arcs that they run on, with their tolerances."""
     model = robot.mechanism.model
-    tolerances = over_limits(robot.mechanism).tolist()
+    tolerances = limit_tolerances(robot.mechanism).tolist()
     kinds = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
     if robot.appearance.arcs is not None:
         lower, upper = robot.appearance.arcs
