@@ -134,8 +134,12 @@ class Checks:
         """
         e = self._equations
         squares = [s**2 * x.squared_gap for s, x in zip(self._row_scale, e.rows, strict=True)]
-        squares += [gap**2 for gap in e.kinematics.unit_gaps]
-        return total(squares) / self._closed**2
+        return total(squares) / self._closed**2 + self.unit_lengths
+
+    @property
+    def unit_lengths(self) -> Any:
+        """The part of the unit vectors of q in the first check."""
+        return total(gap**2 for gap in self._equations.kinematics.unit_gaps) / self._closed**2
 
     @property
     def small_pivots(self) -> Any:

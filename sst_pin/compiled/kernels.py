@@ -82,12 +82,16 @@ def make(
     units = []
     for unit in equations.mechanism.space.position_units:
         units.append(1 / length if unit == "m" else 1.0)
+    output = ca.densify(parts.output)
+    all_checks = ca.vertcat(*(SX(check) for check in [*checks.of_state, *parts.checks]))
+    if quantity == "closing":
+        output, all_checks = _at_unit_vectors(equations, checks, output, all_checks)
     return SymbolicKernel(
         name=name,
         inputs=inputs,
         parameters=equations.p,
-        output=ca.densify(parts.output),
-        checks=ca.vertcat(*(SX(check) for check in [*checks.of_state, *parts.checks])),
+        output=output,
+        checks=all_checks,
         units=tuple(units),
         along=directions,
     )
@@ -239,6 +243,21 @@ def _closing(e: Equations, checks: Checks) -> KernelParts:
         ),
         checks=[],
     )
+
+
+def _at_unit_vectors(e: Equations, checks: Checks, output: SX, values: SX) -> tuple[SX, SX]:
+    """Output and checks of "closing" where the unit vectors of q first get length one.
+
+    An integration leaves cosine-sine pairs and quaternions with other lengths. The equations of
+    links that are stretched by such a length have another solution, which Newton's step would find.
+    The checks still include the length that q has.
+    """
+    if not e.kinematics.unit_gaps:
+        return output, values
+    q = e.kinematics.normalized(e.q)
+    output, values = ca.substitute([output, values], [e.q], [q])
+    values[0] += checks.unit_lengths
+    return output, values
 
 
 KERNELS: dict[str, Callable[..., KernelParts]] = {

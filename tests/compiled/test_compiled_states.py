@@ -2,11 +2,13 @@
 """`simulate` by kernels against `simulate` on the reference path."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from sst_pin import ClosedChain, robots
+from sst_pin import ClosedChain, Closure, robots
 from sst_pin.dynamics import dynamics
 from tests.support import any_chain
+from tests.support.planar_bars import DRAG_LINK, planar
 
 T = np.linspace(0, 0.1, 6)
 #: Torques and loads of each kind, small enough for light bars.
@@ -64,3 +66,17 @@ def test_rates_are_those_of_the_closed_loops(both, gap):
         assert np.abs(fast.closed(state) - q).max() < 1e-14 + gap * 1e-13
         wanted = slow.rate(state, tau, None)
         assert np.abs(fast.rate(state, tau, None) - wanted).max() < 1e-11 * np.abs(wanted).max()
+
+
+def test_loops_with_unit_vectors_are_closed_to_rounding_after_each_step():
+    """Steps of 0.06 rad change the length of cosine-sine pairs by some 1e-10."""
+    model = planar(DRAG_LINK, pin.JointModelRUBZ)
+    model.referenceConfigurations["home"] = pin.integrate(  # closed to 1e-2
+        model, pin.neutral(model), np.array([0.5, 1.9, 1.74])
+    )
+    chain = ClosedChain(model, [Closure("coupler_end", "rocker_end", "3d")], ["crank"])
+    chain.compile()
+    motion = chain.rollout(np.zeros((8, 1)), chain.assemble(chain.home), [2.0], 0.03)
+    # Lengths are below 1 m, and few turns follow each other: rounding is below 1e-15.
+    assert np.abs(chain.residual(motion.q)).max() < 1e-14
+    assert np.abs(motion.q[-1] - motion.q[0]).max() > 0.1  # it did move
