@@ -56,6 +56,9 @@ def _sigterm_unwinds() -> Iterator[None]:
 class ClosedStream(io.TextIOBase):
     """Standard input or output that the caller has closed: reading and writing raise an error."""
 
+    #: As errors of files name it.
+    name = "standard input"
+
     @property
     def buffer(self) -> "ClosedStream":
         """The stream of bytes."""

@@ -124,7 +124,9 @@ def estimate(
         va: Rates of the coordinates, shape (N, n).
         aa: Accelerations of the coordinates, shape (N, n).
         tau: Measured torques of the motors, shape (N, motors).
-        robust: Whether large residuals count less, by Huber's function.
+        robust: Whether large residuals count less, by Huber's function. Deviations are approximate
+            then: with 3 % outliers in 800 samples, intervals of 95 % held the true values in 93 %
+            (decimate=10) to 98 % (decimate=2) of the logs of a five-bar.
         decimate: One sample of this many, evenly spaced in time, is used, after a low-pass filter
             forwards and backwards. As in `measured_motion`.
 

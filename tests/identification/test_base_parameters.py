@@ -212,22 +212,11 @@ def test_no_names_are_no_parameters():
         base_parameters(robots.four_bar(), [])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "decimate"),
-    [
-        ("five_bar", 2),
-        ("five_bar", 10),
-        ("four_bar", 10),
-        ("delta", 2),
-        ("planar_3rrr", 10),
-        ("sst", 10),
-    ],
-)
-def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
-    """95 % of them, of robots with dry friction in their motors, by a log at 100 Hz.
+def log_at_100_hz(name, monkeypatch):
+    """A robot with dry friction in its motors, its base parameters, states, torques, true values.
 
-    The sensor filters torques that jump between its samples.
+    The sensor filters torques that jump between its samples. The regressor of the states is
+    computed once.
     """
     plain = sst_pin.SST() if name == "sst" else getattr(robots, name)()
     words = {"viscous": 0.05, "coulomb": 0.1}
@@ -246,14 +235,52 @@ def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
         "actuator_jacobian": chain.actuator_jacobian(state[0]),
         "joint_rates": chain.joint_rates(*state[:2]),
     }
-    for method, array in arrays.items():  # computed once
+    for method, array in arrays.items():
         monkeypatch.setattr(ClosedChain, method, lambda *_, array=array: array.copy())
-    true, away, random = base.matrix @ chain.dynamic_parameters, [], np.random.default_rng(0)
+    return chain, base, state, tau, base.matrix @ chain.dynamic_parameters
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "decimate"),
+    [
+        ("five_bar", 2),
+        ("five_bar", 10),
+        ("four_bar", 10),
+        ("delta", 2),
+        ("planar_3rrr", 10),
+        ("sst", 10),
+    ],
+)
+def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
+    """95 % of them."""
+    chain, base, state, tau, true = log_at_100_hz(name, monkeypatch)
+    away, random = [], np.random.default_rng(0)
     for _ in range(200):
         noise = 0.02 * random.normal(size=tau.shape)
         result = estimate(chain, base, *state, tau + noise, decimate=decimate)
         away.append((result.values - true) / result.deviations)
     assert 0.93 < np.mean(np.abs(away) < 1.96) < 0.97
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("decimate", "cover"), [(2, 0.98), (10, 0.93)])
+def test_intervals_of_robust_estimates_cover_about_what_they_say(decimate, cover, monkeypatch):
+    """3 % of the torques are off by 25 to 100 deviations; the docstring tells these numbers.
+
+    Of 11 values in 200 logs, which depend on each other in each log, the share of those within
+    their intervals has a standard deviation of at most sqrt(0.05 * 0.95 / 200) = 0.015.
+    """
+    chain, base, state, tau, true = log_at_100_hz("five_bar", monkeypatch)
+    away, random = [], np.random.default_rng(0)
+    for _ in range(200):
+        noise = 0.02 * random.normal(size=tau.shape)
+        off = random.random(tau.shape) < 0.03
+        sizes = random.uniform(0.5, 2, off.sum())
+        noise[off] += random.choice([-1, 1], off.sum()) * sizes
+        result = estimate(chain, base, *state, tau + noise, decimate=decimate, robust=True)
+        away.append((result.values - true) / result.deviations)
+    assert np.mean(np.abs(away) < 1.96) == pytest.approx(cover, abs=0.015)
 
 
 def test_friction_that_depends_on_the_direction_is_found():
