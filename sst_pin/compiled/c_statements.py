@@ -18,8 +18,15 @@ it *depends on*:
     OF_SAMPLE       the sample, too
     k = 0, 1, ...   the direction of pass k, too
 
-Where statements need an expression of an earlier sort, that one is stored: constants at the end of
-p, expressions of the sample at the end of y.
+These are the *sorts* of statements, in the order in which they run: -2, -1, 0, and so on. So the
+result of an operation has the largest sort of its operands. Passes do not read each other's
+results. Where statements need a result of an earlier sort, that one is stored: constants at the end
+of p, results of the sample at the end of y.
+
+**Coulomb friction.** CasADi has two operations for F sign(v): a sign, and a product with the
+constant F. In C both are one call `rubbing(v, F, ...)`, which returns at once if F is zero. So a
+sign is not written when it comes, but is *pending* until something else than such a product uses
+it.
 """
 
 from math import isfinite
@@ -59,6 +66,7 @@ class Expression(NamedTuple):
 
     #: The name of a result of a statement, an entry of an array, or a literal.
     text: str
+    #: The sort of statements that it belongs to.
     depends_on: int
 
     @property
@@ -147,8 +155,8 @@ class Writer:
 
     Attributes:
         lines: The statements of each sort.
-        size: Size of p, the constants included.
-        room: Size of y, with the expressions that passes use.
+        size: Size of p, with the constants that were stored so far.
+        room: Size of y, with the results for passes that were stored so far.
     """
 
     def __init__(self, size: int, room: int, passes: int = 0) -> None:
@@ -163,10 +171,7 @@ class Writer:
         self._angles: dict[str, int] = {}
         #: Reciprocals of expressions.
         self._inverses: dict[Expression, Expression] = {}
-        #: The arguments of pending signs, by the name of the sign. A product of a sign and a
-        #: constant (Coulomb friction) is one call with the argument, and leaves the sign pending.
-        #: The first other use writes the sign and removes it from here. A sign without other use is
-        #: never written.
+        #: The rates v of pending signs, by the name of the sign; see the module.
         self._pending_signs: dict[str, str] = {}
 
     def store(self, entry: int, result: Expression, in_function: int) -> None:
@@ -190,13 +195,14 @@ class Writer:
             return Expression(name, depends_on)
         texts = [self._make_available(operand, depends_on) for operand in operands]
         if operation in (ca.OP_SIN, ca.OP_COS):
+            # One statement makes both, at the first use of one of them.
             angle = texts[0]
-            k = self._angles.setdefault(angle, len(self._angles))
-            line = f"real s{k}, c{k}; sines_cosines(1, &{angle}, &s{k}, &c{k});"
-            if line not in lines:
-                lines.append(line)
+            if angle not in self._angles:
+                k = len(self._angles)
+                self._angles[angle] = k
+                lines.append(f"real s{k}, c{k}; sines_cosines(1, &{angle}, &s{k}, &c{k});")
             letter = "s" if operation == ca.OP_SIN else "c"
-            return Expression(f"{letter}{k}", depends_on)
+            return Expression(f"{letter}{self._angles[angle]}", depends_on)
         form = _FORMS[operation]
         if depends_on == OF_PARAMETERS:
             form = _FORMS_OF_SCALARS.get(operation, form)
@@ -206,7 +212,7 @@ class Writer:
     def _write_friction(self, name: str, operands: list[Expression]) -> bool:
         """Write the product of a pending sign and a constant; False if it is another product.
 
-        The sign stays pending: the call takes its argument.
+        The sign stays pending, because the call takes the rate, not the sign.
         """
         depends_on = max(operand.depends_on for operand in operands)
         if depends_on == OF_PARAMETERS:
@@ -222,7 +228,10 @@ class Writer:
         return False
 
     def _inverse(self, x: Expression) -> Expression:
-        """The reciprocal: divisions are slow, and many have the same divisor."""
+        """The reciprocal, which is written at its first use.
+
+        A quotient becomes a product with it: divisions are slow, and many have the same divisor.
+        """
         if x not in self._inverses:
             inverse = Expression(f"ti{len(self._inverses)}", x.depends_on)
             self._inverses[x] = inverse

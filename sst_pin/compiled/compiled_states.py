@@ -63,22 +63,20 @@ class CompiledStateSpace(StateSpace):
         """q with closed loops, by kernels that make steps of Newton's method."""
         if self._closing is None:
             return super().closed(states)
-        # The kernel answers if the loops were closed to about 1e-6 before its step. Then one more
+        # If the loops were closed to about 1e-6 before a step, the kernel answers, and one more
         # step suffices, because each step squares the error.
-        step = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
-        if step is not None:
-            q = step[..., : self._nq]
-            last = self._closing.answer(q, None, None, None, None, 1)
-            return q if last is None else last[..., : self._nq]
+        q = states[..., : self._nq]
+        after_first = _closing_step(self._closing, q)
+        if after_first is not None:
+            after_second = _closing_step(self._closing, after_first)
+            return after_first if after_second is None else after_second
         # Some loops were open: more steps for all samples.
-        q = np.ascontiguousarray(states[..., : self._nq].reshape(-1, self._nq))
+        rows = np.ascontiguousarray(q.reshape(-1, self._nq))
         for _ in range(_MOST_CLOSING_STEPS):
-            result = np.empty((len(q), self._nq + 2))  # q, determinant, sum of squares
-            failures = self._closing.many((q,), result)
-            q = result[:, :-2]
-            if not len(failures):
-                self._closing.many((q,), result)  # the last step
-                return result[:, :-2].reshape(*states.shape[:-1], self._nq)
+            rows, were_closed = _closing_steps(self._closing, rows)
+            if were_closed:
+                rows, _ = _closing_steps(self._closing, rows)  # the last step
+                return rows.reshape(q.shape)
         return super().closed(states)
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
@@ -221,6 +219,24 @@ class CompiledStateSpace(StateSpace):
         example = self._mechanism.example
         if example is None or self._closing is None:
             return 0.0
-        result = np.empty((1, self._nq + 2))
+        result = np.empty((1, self._nq + 2))  # as in `_closing_steps`
         failed = self._closing.many((example[None],), result)
-        return 0.0 if len(failed) else abs(float(result[0, -2]))
+        determinant = float(result[0, self._nq])
+        return 0.0 if len(failed) else abs(determinant)
+
+
+def _closing_step(closing: "BoundKernel", q: Array) -> Array | None:
+    """q after one step of Newton's method; None if loops of a sample were open before it.
+
+    q has the shape (nq,) or (N, nq); for other shapes the result is None.
+    """
+    after_step = closing.answer(q, None, None, load=None, out=None, threads=1)
+    return None if after_step is None else after_step[..., : q.shape[-1]]
+
+
+def _closing_steps(closing: "BoundKernel", q: Array) -> tuple[Array, bool]:
+    """q after one step of Newton's method, shape (N, nq), and whether all were closed before it."""
+    nq = q.shape[1]
+    result = np.empty((len(q), nq + 2))  # q, the determinant of Phi_u, a sum of squares
+    failures = closing.many((np.ascontiguousarray(q),), result)
+    return result[:, :nq], len(failures) == 0

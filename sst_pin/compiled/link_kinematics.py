@@ -40,9 +40,14 @@ _ZERO = SX(3, 1)
 class LinkMotion:
     """Angular velocity and accelerations of a link, in its axes.
 
-    The accelerations are the rate of a velocity along a motion. The velocity is mostly that of the
-    motion itself. For the columns L e_k of L it is another one: then `omega` belongs to the motion
-    with the rates v, and `omega_k` to the velocity with the rates v_k = L e_k.
+    The accelerations are the rate of a velocity along a motion with rates v. The velocity is mostly
+    that of the motion itself. For the columns L e_k of L it is another one, with rates v_k = L e_k.
+
+    Attributes:
+        omega: Angular velocity of the motion.
+        omega_k: Angular velocity of the velocity that is differentiated.
+        alpha: Rate of omega_k along the motion.
+        a: Rate of the velocity of the origin along the motion.
     """
 
     omega: SX = _ZERO
@@ -285,15 +290,17 @@ class Kinematics:
 
         Args:
             v: Rates of the motion.
-            dv: Rates of v_k.
+            dv: Rate of v_k along the motion.
             gravity: With gravity, the base accelerates against it, so that accelerations times
                 masses are the forces that bodies need besides their weights.
             v_k: Rates of the velocity that is differentiated, v by default; see `LinkMotion`.
         """
-        motions = [LinkMotion() if gravity is None else LinkMotion(a=-gravity)]
+        of_base = LinkMotion() if gravity is None else LinkMotion(a=-gravity)
+        if v_k is None:
+            v_k = v
+        motions = [of_base]
         for i, link in enumerate(self.tree.links[1:], start=1):
-            of_parent = motions[link.parent]
-            motions.append(self._next_motion(i, of_parent, v, v if v_k is None else v_k, dv))
+            motions.append(self._next_motion(i, motions[link.parent], v, v_k, dv))
         return motions
 
     def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> LinkMotion:
@@ -314,10 +321,14 @@ class Kinematics:
     def _next_motion(
         self, i: int, of_parent: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse
     ) -> LinkMotion:
-        """Motion of link i from that of its parent.
+        """Motion of link i from that of its parent (primed here), in the axes of the link.
 
-        In the axes of the link, with the part [u_j; omega_j] of its joint in its twist:
-        alpha = alpha_parent + omega x omega_j,k + the joint's acceleration.
+        With the parts [u_j; omega_j] = S v, [u_jk; omega_jk] = S v_k and [du_j; domega_j] = S dv of
+        its joint, and the origin p of the link in its parent:
+
+            omega   = omega' + omega_j,   omega_k = omega_k' + omega_jk
+            alpha   = alpha' + omega x omega_jk + domega_j
+            a       = a' + U' p + omega_k' x u_j + omega x u_jk + du_j
         """
         link = self.tree.links[i]
         placement = self._displaced_placements[i]

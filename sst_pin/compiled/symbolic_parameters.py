@@ -20,9 +20,13 @@ if TYPE_CHECKING:
 BODY = 10
 #: Numbers of a line: stiffness, rest length, damping, preload.
 LINE = 4
-#: Indices of gravity, base axes, and of the rate within which friction is tanh instead of sign.
+#: Indices of gravity, base axes.
 GRAVITY = slice(3)
+#: Index of the rate within which friction is tanh instead of sign.
 SIGN_WIDTH = 3
+#: Index of the first number of the first body.
+_FIRST_BODY = 4
+#: Numbers of joints, in their order.
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
 #: The matrix that makes second moments S, ordered xx, xy, xz, yy, yz, zz, from an inertia I about
 #: the same point, in Pinocchio's order xx, xy, yy, xz, yz, zz: S = trace(I) / 2 E - I.
@@ -33,6 +37,9 @@ _SECOND = np.array([_HALF_TRACE - _xx, -_xy, -_xz, _HALF_TRACE - _yy, -_yz, _HAL
 
 class SymbolicParameters:
     """Order of the symbolic parameters of a mechanism; `size` is their count.
+
+    Gravity and the width of the sign come first. Then come the numbers of bodies, body by body, of
+    joints, quantity by quantity, of lines, line by line, and last masses and dry friction of lines.
 
     If `complete`, all bodies have mass and all joints friction and a rotor, which may be zero.
     """
@@ -46,24 +53,25 @@ class SymbolicParameters:
         #: Indices of the rates that have each quantity of a joint; of references of springs those
         #: of entries of q.
         self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
-        self.joints["spring_reference"] = _ends_of_springs(mechanism)
+        self.joints["spring_reference"] = _entries_with_springs(mechanism)
         if complete:
             self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
-        # gravity, sign_width
+        #: Index of the first number of each quantity of joints.
         self._starts = {}
-        start = 4 + BODY * len(self.bodies)
+        start = _FIRST_BODY + BODY * len(self.bodies)
         for name in _JOINT:
             self._starts[name] = start
             start += len(self.joints[name])
         lines = len(mechanism.lines.forces)
-        self._lines = start, lines
+        self._line_count = lines
+        self._first_line = start
         #: Indices of the lines that have a mass.
         self.massive_lines = tuple(k for k in range(lines) if complete or mechanism.lines.masses[k])
         #: Indices of the lines that have dry friction.
         self.dry_lines = tuple(k for k in range(lines) if complete or mechanism.lines.coulomb[k])
-        self._masses = start + LINE * lines
-        self._coulomb = self._masses + len(self.massive_lines)
-        self.size = self._coulomb + len(self.dry_lines)
+        self._first_line_mass = self._first_line + LINE * lines
+        self._first_line_coulomb = self._first_line_mass + len(self.massive_lines)
+        self.size = self._first_line_coulomb + len(self.dry_lines)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
@@ -103,17 +111,17 @@ class SymbolicParameters:
         The numbers must be `complete`.
         """
         units = np.eye(self.size)
-        first = 4
-        count = BODY * len(self.bodies)
-        bodies = units[:, first : first + count].reshape(self.size, -1, BODY).copy()
-        bodies[..., 4:] = bodies[..., 4:] @ _SECOND
-        blocks = [bodies.reshape(self.size, count)]
+        end = _FIRST_BODY + BODY * len(self.bodies)
+        bodies = units[:, _FIRST_BODY:end].reshape(self.size, -1, BODY).copy()
+        bodies[..., 4:] = bodies[..., 4:] @ _SECOND  # by inertias instead of second moments
+        blocks = [bodies.reshape(self.size, end - _FIRST_BODY)]
         for name in ("viscous", "coulomb", "armature", "stiffness"):
-            blocks.append(units[:, self._starts[name] :][:, : len(self.joints[name])])
-        start, count = self._lines
-        of_lines = units[:, start : start + LINE * count].reshape(self.size, -1, LINE)
-        masses = units[:, self._masses : self._coulomb].reshape(self.size, -1, 1)
-        coulomb = units[:, self._coulomb :].reshape(self.size, -1, 1)
+            start = self._starts[name]
+            blocks.append(units[:, start : start + len(self.joints[name])])
+        of_lines = units[:, self._first_line : self._first_line_mass].reshape(self.size, -1, LINE)
+        masses = units[:, self._first_line_mass : self._first_line_coulomb]
+        masses = masses.reshape(self.size, -1, 1)
+        coulomb = units[:, self._first_line_coulomb :].reshape(self.size, -1, 1)
         # Rest lengths are constant, as in dynamics.regressor: f is linear in the other numbers.
         stiffness = of_lines[..., 0:1]
         damping_and_preload = of_lines[..., 2:4]
@@ -125,22 +133,26 @@ class SymbolicParameters:
         """Mass, first moment and second moments of a body; None without mass."""
         if body not in self.bodies:
             return None
-        start = 4 + BODY * self.bodies.index(body)
-        J = p[[start + k for k in (4, 5, 6, 5, 7, 8, 6, 8, 9)]].reshape((3, 3))
+        start = _FIRST_BODY + BODY * self.bodies.index(body)
+        xx, xy, xz, yy, yz, zz = range(start + 4, start + BODY)
+        J = p[[xx, xy, xz, xy, yy, yz, xz, yz, zz]].reshape((3, 3))
         return p[start], p[start + 1 : start + 4], J
 
     def of_lines(self, p: "SX") -> "list[list[SX]]":
         """Stiffness, rest length, damping and preload of each line."""
-        start, count = self._lines
-        return [[p[start + LINE * i + k] for k in range(LINE)] for i in range(count)]
+        numbers = []
+        for i in range(self._line_count):
+            start = self._first_line + LINE * i
+            numbers.append([p[start + k] for k in range(LINE)])
+        return numbers
 
     def line_masses(self, p: "SX") -> "dict[int, SX]":
         """Masses of the lines that have one, by their indices."""
-        return {k: p[self._masses + i] for i, k in enumerate(self.massive_lines)}
+        return {k: p[self._first_line_mass + i] for i, k in enumerate(self.massive_lines)}
 
     def line_coulomb(self, p: "SX") -> "dict[int, SX]":
         """Dry friction of the lines that have it, by their indices."""
-        return {k: p[self._coulomb + i] for i, k in enumerate(self.dry_lines)}
+        return {k: p[self._first_line_coulomb + i] for i, k in enumerate(self.dry_lines)}
 
     def of_joints(self, name: str, p: "SX") -> "dict[int, SX]":
         """A quantity of the joints that have it, by indices as those of `joints`."""
@@ -149,6 +161,7 @@ class SymbolicParameters:
 
 
 def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
+    """The quantities `_JOINT` of all joints."""
     friction = mechanism.friction
     springs = mechanism.springs
     return {
@@ -160,13 +173,13 @@ def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
     }
 
 
-def _ends_of_springs(mechanism: Mechanism) -> tuple[int, ...]:
+def _entries_with_springs(mechanism: Mechanism) -> tuple[int, ...]:
     """Entries of q of joints with springs: all entries of a ball or an unbounded joint."""
-    stiff = mechanism.springs.stiffness
-    places = []
+    entries = list[int]()
     for joint in list(mechanism.model.joints)[1:]:
-        of_rates = stiff[joint.idx_v : joint.idx_v + joint.nv]
-        one_each = joint.nq == joint.nv
-        drawn = of_rates if one_each else np.full(joint.nq, of_rates.any())
-        places += [joint.idx_q + int(k) for k in np.flatnonzero(drawn)]
-    return tuple(places)
+        stiffness = mechanism.springs.stiffness[joint.idx_v : joint.idx_v + joint.nv]
+        if joint.nq == joint.nv:  # each rate is that of one entry
+            entries += [joint.idx_q + int(k) for k in np.flatnonzero(stiffness)]
+        elif stiffness.any():
+            entries += range(joint.idx_q, joint.idx_q + joint.nq)
+    return tuple(entries)

@@ -5,7 +5,6 @@ A body with the first moment c and the second moments J (the integral of r r^T) 
 needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 """
 
-import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,7 +31,8 @@ class Body(NamedTuple):
     c: SX = SX(3, 1)
     #: Second moments, the integral of r r^T.
     J: SX = SX(3, 3)
-    #: Sum of mass times the square of the mass centre's distance from the origin.
+    #: Sum of m r^2 of the bodies that are welded together, with the distance r of a body's mass
+    #: centre from the origin.
     polar: SX = SX(1, 1)
 
     @property
@@ -46,6 +46,15 @@ class Body(NamedTuple):
         J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
         c += self.mass * p
         return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
+
+    def welded_to(self, other: "Body") -> "Body":
+        """Both bodies together, in the same frame."""
+        return Body(
+            mass=self.mass + other.mass,
+            c=self.c + other.c,
+            J=self.J + other.J,
+            polar=self.polar + other.polar,
+        )
 
 
 class RigidBody(NamedTuple):
@@ -109,6 +118,13 @@ class TreeDynamics:
     @cached_property
     def _bodies(self) -> list[Body]:
         """Bodies of Pinocchio's joints; the first of several welded ones has all their inertia."""
+        bodies = self._single_bodies()
+        if self._welded:
+            self._weld(bodies)
+        return bodies
+
+    def _single_bodies(self) -> list[Body]:
+        """The body of each of Pinocchio's joints by itself."""
         model = self._mechanism.model
         bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
@@ -116,20 +132,24 @@ class TreeDynamics:
             if numbers is not None:
                 mass, c, J = numbers
                 bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
-        if not self._welded:
-            return bodies
-        for closure in self._mechanism.closures:
-            if isinstance(closure, Closure) and all(closure.held):
-                ends = (closure.frame_a, closure.frame_b)
-                a, b = (frame_named(model, name) for name in ends)
-                i = a.parentJoint
-                j = b.parentJoint
-                if i and not is_zero(bodies[j].mass):
-                    R = sx(a.placement.rotation @ b.placement.rotation.T)
-                    p = sx(a.placement.translation) - R @ sx(b.placement.translation)
-                    bodies[i] = Body(*map(operator.add, bodies[j].moved(R, p), bodies[i]))
-                    bodies[j] = Body()
         return bodies
+
+    def _weld(self, bodies: list[Body]) -> None:
+        """Move the inertia of bodies that closures weld to others to these, in place."""
+        model = self._mechanism.model
+        for closure in self._mechanism.closures:
+            if not (isinstance(closure, Closure) and all(closure.held)):
+                continue
+            a = frame_named(model, closure.frame_a)
+            b = frame_named(model, closure.frame_b)
+            i = a.parentJoint
+            j = b.parentJoint
+            if i and not is_zero(bodies[j].mass):
+                # Body j in the frame of body i: both closure frames are the same.
+                R = sx(a.placement.rotation @ b.placement.rotation.T)
+                p = sx(a.placement.translation) - R @ sx(b.placement.translation)
+                bodies[i] = bodies[j].moved(R, p).welded_to(bodies[i])
+                bodies[j] = Body()
 
     def forces(
         self,
@@ -163,6 +183,7 @@ class TreeDynamics:
         return wrenches
 
     def _rotors(self, dv: Sparse) -> Sparse:
+        """Forces that the inertia of rotors needs."""
         armature = self._parameters.of_joints("armature", self._p)
         return {i: x * dv[i] for i, x in armature.items() if i in dv}
 
@@ -184,7 +205,8 @@ class TreeDynamics:
         signs = {i: self._sign(x) for i, x in v.items()}
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
         tau = add(tau, {i: F * signs[i] for i, F in coulomb.items() if i in v})
-        of_lines = map(operator.add, self._where_taut(self._damping(v), v), self._rubbing(v))
+        of_dampers = self._where_taut(self._damping(v), v)
+        of_lines = _sums(of_dampers, self._rubbing(v))
         return add(tau, self.along_lines(of_lines))
 
     def _sign(self, rate: Any) -> Any:
@@ -201,8 +223,8 @@ class TreeDynamics:
 
     def pulls(self, v: Sparse) -> list[Any]:
         """Tension of each line, without motors."""
-        pulls = list(map(operator.add, self._tensions, self._damping(v)))
-        return list(map(operator.add, self._where_taut(pulls, v), self._rubbing(v)))
+        of_springs_and_dampers = _sums(self._tensions, self._damping(v))
+        return _sums(self._where_taut(of_springs_and_dampers, v), self._rubbing(v))
 
     def _where_taut(self, pulls: list[Any], v: Sparse) -> list[Any]:
         """Pulls along the lines, but zero along slack cables."""
@@ -211,8 +233,11 @@ class TreeDynamics:
         damping = self._damping(v)
         result = []
         for k, pull in enumerate(pulls):
-            slack = tensions[k] + damping[k] <= 0
-            result.append((1 - slack) * pull if forces[k].pulls_only else pull)
+            if forces[k].pulls_only:
+                is_slack = tensions[k] + damping[k] <= 0  # 1 or 0
+                result.append((1 - is_slack) * pull)
+            else:
+                result.append(pull)
         return result
 
     @property
@@ -263,8 +288,13 @@ class TreeDynamics:
 
     def kinetic_energy(self, v: Sparse) -> Any:
         """Kinetic energy of all bodies and rotors."""
-        entries = (((i, j), x) for (i, j), x in self.inertia.items() if {i, j} <= v.keys())
-        return total(x * v[i] * v[j] / (1 + (i == j)) for (i, j), x in entries)
+        terms = []
+        for (i, j), x in self.inertia.items():
+            if i in v and j in v:
+                # Entries beside the diagonal count twice in v^T M v / 2.
+                divisor = 2 if i == j else 1
+                terms.append(x * v[i] * v[j] / divisor)
+        return total(terms)
 
     @property
     def potential_energy(self) -> Any:
@@ -306,8 +336,14 @@ class TreeDynamics:
     def composed(self, following: Mapping[int, Mapping[int, Sparse]]) -> dict[tuple[int, int], Any]:
         """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
 
-        `following` has, by link, rows of L of rates behind it that follow from coordinates behind
-        it. From this link to the base, the wrenches of these rates count for the coordinates.
+        From the tips to the ground, each link collects for each rate behind it the wrench that
+        accelerates all moved bodies for a unit of this rate. Its part along the axes of the link is
+        an entry of M.
+
+        Args:
+            following: Rows of L of dependent rates, by the link that their loops hang on and by
+                rate. From this link to the ground, the wrenches of the coordinates contain those of
+                these rates, which need no entries of their own there.
         """
         links = self._kinematics.tree.links
         placements = self._kinematics.placements
@@ -328,8 +364,12 @@ class TreeDynamics:
 
             # Entries of M: the parts of all these wrenches along the axes of this link.
             for j, S in zip(link.v, link.S.T, strict=True):
-                # Twice, if a mimic joint is behind the joint that it follows.
-                pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
+                pairs = []
+                for k, wrench in behind.items():
+                    # j = k if a mimic joint is behind the joint that it follows. Then M_kk gets the
+                    # entries of both orders; otherwise the lower triangle has the other one.
+                    times = 2 if j == k else 1
+                    pairs.append((k, wrench, times))
                 pairs += [(k, wrench, 1) for k, wrench in of_link.items() if j <= k]
                 for k, wrench, times in pairs:
                     value = times * ca.dot(sx(S), wrench)
@@ -366,16 +406,17 @@ class TreeDynamics:
 
     def inertia_of_joints(self, columns: Sequence[Sparse]) -> SX:
         """L^T M L of the rotors and of the masses of lines alone, for some columns of L."""
-        moving = [
-            (x, {i: SX(1)}) for i, x in self._parameters.of_joints("armature", self._p).items()
-        ]
-        masses = self._parameters.line_masses(self._p)
-        moving += [(mass, self.lines[k].row) for k, mass in masses.items()]
+        # Masses, and the rows of their rates in the rates of the tree.
+        masses_and_rows: list[tuple[SX, Sparse]] = []
+        for i, armature in self._parameters.of_joints("armature", self._p).items():
+            masses_and_rows.append((armature, {i: SX(1)}))
+        for k, mass in self._parameters.line_masses(self._p).items():
+            masses_and_rows.append((mass, self.lines[k].row))
         inertia = SX(len(columns), len(columns))
-        for mass, row in moving:
-            speeds = (total(x * L[i] for i, x in row.items() if i in L) for L in columns)
-            of_row = ca.sparsify(ca.vertcat(*map(SX, speeds)))
-            inertia += mass * (of_row @ of_row.T)
+        for mass, row in masses_and_rows:
+            speeds = [SX(total(x * L[i] for i, x in row.items() if i in L)) for L in columns]
+            row_L = ca.sparsify(ca.vertcat(*speeds))
+            inertia += mass * (row_L @ row_L.T)
         return inertia
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
@@ -383,11 +424,15 @@ class TreeDynamics:
         wrenches = list[SX]()
         motions = self._kinematics.motions(v, L_dot, v_k=L)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
-            mass, c, _, polar = body = self._bodies[link.body]
-            # About the mass centre the paper's term is omega x (I omega_k).
-            inner = body.inertia - polar * SX.eye(3)
+            body = self._bodies[link.body]
+            # The paper's term is omega x (I_c omega_k), about the mass centre at r. About the
+            # origin m r x (omega_k x (omega x r)) = m (r . omega_k) (r x omega) is added. With the
+            # inertia I = I_c + m (r^2 E - r r^T), the sum of both is omega x ((I - m r^2 E)
+            # omega_k).
+            inner = body.inertia - body.polar * SX.eye(3)
             moment = body.inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
-            wrenches.append(ca.vertcat(mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
+            force = body.mass * x.a + x.U @ body.c
+            wrenches.append(ca.vertcat(force, moment + ca.cross(body.c, x.a)))
         forces = add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
         return add(forces, self.along_lines(self._coriolis_pulls(v, L, L_dot)))
 
@@ -406,9 +451,18 @@ class TreeDynamics:
 
 
 def _moment(x: LinkMotion, J: SX) -> SX:
-    """Inertial moment about the origin of a link whose origin does not accelerate."""
-    if sum(not component.is_zero() for component in ca.vertsplit(x.omega)) == 1:
+    """Inertial moment about the origin of a link whose origin does not accelerate.
+
+    It is I alpha + omega x (I omega) = 2 axial(U J).
+    """
+    components = [component for component in ca.vertsplit(x.omega) if not component.is_zero()]
+    if len(components) == 1:  # then the first form takes fewer operations
         inertia = ca.trace(J) * SX.eye(3) - J
         return inertia @ x.alpha + ca.cross(x.omega, inertia @ x.omega)
     UJ = x.U @ J
     return ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
+
+
+def _sums(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+    """Sums of numbers of lines, line by line."""
+    return [x + y for x, y in zip(a, b, strict=True)]
