@@ -41,7 +41,11 @@ class KernelParts(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Indices of one result in the result of a quantity: `first` + k `stride` for coordinate k."""
+    """Where a result along the direction of a coordinate stands in the result of a quantity.
+
+    For coordinate k its index is `first` + k `stride`. In a matrix with rows of some width, written
+    row by row, what belongs to coordinate k is column k (stride 1) or row k (stride width).
+    """
 
     first: int
     stride: int
@@ -93,7 +97,7 @@ _Along = Callable[[SX], tuple[_Results, list[Any]]]
 
 
 class _ByDirections(NamedTuple):
-    """The symbols of one quantity by directions."""
+    """The symbols of one quantity by directions, from which `make` makes a kernel."""
 
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
@@ -238,15 +242,13 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
 
 def _solution(factors: SymmetricFactors) -> Solution:
     """The solution with a matrix that is factorised."""
-    upper = factors.LT
-    entries = [(j, i) for i, j in zip(*upper.sparsity().get_triplet(), strict=True)]
-    by_columns = sorted(range(len(entries)), key=lambda k: entries[k][::-1])
-    values = ca.vertsplit(upper.nz[:])
+    L = factors.LT.T  # CasADi stores it column by column
+    rows, columns = L.sparsity().get_triplet()
     inverses = 1 / ca.densify(factors.D)
     return Solution(
-        factors=ca.vertcat(inverses, SX(0, 1), *(values[k] for k in by_columns)),
+        factors=ca.vertcat(inverses, SX(0, 1), *ca.vertsplit(L.nz[:])),
         order=list(factors.order),
-        entries=[entries[k] for k in by_columns],
+        entries=list(zip(rows, columns, strict=True)),
     )
 
 

@@ -1,19 +1,27 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Steps of a page with contacts, ropes, cables, stops and dry friction, as `dynamics/nonsmooth_step.py`
-// and `dynamics/impulses.py` make them; those files say why.
+// and `dynamics/impulses.py` make them; those files say why. The solver is that of
+// `c/nonsmooth_solver.h`, with the most series of Warp. Three things differ from the C: a contact or rope
+// that starts violated is lifted slowly (`rise`) instead of refused; cables get no gains of motors; and
+// Newton's matrix is always solved with pivots.
 // `elements` are the numbers of the rows, in the order contacts (three rows each), ropes, cables,
-// stops, dry joints; `rise` is the largest speed that lifts what starts below its ground, [m/s].
+// stops, dry joints and lines; `rise` is the largest speed that lifts what starts below its ground, [m/s].
 function nonsmooth(elements, rise) {
   "use strict";
-  const STOP = 0, DRY = 1, SIDE = 2, NORMAL = 3;
-  const SOLVED = 1e-9, ROUNDING = 1e-11, LARGEST = 1e3; // of the error of x = P(x - w)
-  const SWEEPS = 10, STEPS = 20, WARM_STEPS = 6, SERIES = 12, REFINED = 3;
-  const PROXIMAL = [1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2];
-  const LEAST_PIVOT = 1e-12;
+  const STOP = 0, DRY = 1, SIDE = 2, NORMAL = 3; // kinds of rows
+  const SOLVED = 1e-9; // largest error of x = P(x - w) in a solution, relative to the impulses
+  const ROUNDING = 1e-11; // Newton's method goes on to this error
+  const LARGEST = 1e3; // larger impulses count as this multiple of the rates in the error
+  const SWEEPS = 10, STEPS = 20, SERIES = 12; // sweeps before a series, the most steps in one, the most series
+  const WARM_STEPS = 6; // Newton's steps from the impulses of the step before, without sweeps
+  const REFINED = 3; // series that improve a solution which is not exact to rounding
+  const PROXIMAL = [1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2]; // terms of the series in turn
+  const LEAST_PIVOT = 1e-12; // smaller pivots of the inertia are rounding, relative to its diagonal
   const HELD_BY_LOOPS = 1e-10; // as in thresholds.py
   const { contacts, ropes, cables, stops, dry, damping, stiffness, gap_scale } = elements;
   const firstRope = 3 * contacts.length, firstCable = firstRope + ropes.length;
-  const firstStop = firstCable + cables.length, firstDry = firstStop + stops.length, m = firstDry + dry.length;
+  const firstStop = firstCable + cables.length, firstDry = firstStop + stops.length;
+  const m = firstDry + dry.length;
   const kinds = Array.from({ length: m }, (_, i) => {
     if (i >= firstDry) return DRY;
     if (i >= firstRope) return STOP;
@@ -82,13 +90,16 @@ function nonsmooth(elements, rise) {
   }
 
   // --- x = P(x - w), w = A x + u -------------------------------------------------------------
-  // A problem has A, u, the kinds of its rows and their bounds.
+  // A problem has A, u, the kinds of its rows and their bounds: the largest impulse of a DRY row, the
+  // coefficient of friction at a NORMAL row. The rows of a contact are SIDE, SIDE, NORMAL.
 
+  // P(y).
   function projected({ kind, bounds }, y) {
     const x = y.map((each, i) => kind[i] === DRY ? clipped(each, bounds[i]) : Math.max(each, 0));
     kind.forEach((each, i) => {
       if (each !== NORMAL) return;
-      const most = bounds[i] * x[i], side = Math.hypot(y[i - 2], y[i - 1]), factor = side > most ? most / side : 1;
+      const most = bounds[i] * x[i], side = Math.hypot(y[i - 2], y[i - 1]);
+      const factor = side > most ? most / side : 1;
       x[i - 2] = factor * y[i - 2];
       x[i - 1] = factor * y[i - 1];
     });
@@ -118,13 +129,22 @@ function nonsmooth(elements, rise) {
     return D;
   }
 
+  // The largest entry of F = x - P(x - w), relative to the impulses; 0 where all are 0.
+  function errorOf(F, x, u) {
+    if (F.some(Number.isNaN)) return Infinity;
+    const largest = largestOf(F);
+    if (largest === 0) return 0;
+    return largest / Math.min(largestOf(x), LARGEST * largestOf(u));
+  }
+
   // The best of some steps of Newton's method from x, and its residual.
   function newton(problem, x, proximal, steps) {
-    const { A, u } = problem, rates = LARGEST * largestOf(u);
+    const { A, u } = problem;
     let best = x, least = Infinity;
     for (let step = 0; step < steps; step++) {
-      const y = x.map((each, i) => each - dot(A[i], x) - u[i]), P = projected(problem, y), F = x.map((each, i) => each - P[i]);
-      const error = F.some(Number.isNaN) ? Infinity : largestOf(F) && largestOf(F) / Math.min(largestOf(x), rates);
+      const y = x.map((each, i) => each - dot(A[i], x) - u[i]); // x - w
+      const P = projected(problem, y), F = x.map((each, i) => each - P[i]);
+      const error = errorOf(F, x, u);
       if (!(error < least) && least < SOLVED) break;
       if (error < least) [best, least] = [x, error];
       if (least < ROUNDING) break;
@@ -143,20 +163,27 @@ function nonsmooth(elements, rise) {
       x[i] -= rate(i) / A[i][i];
       x[i] = each === DRY ? clipped(x[i], bounds[i]) : Math.max(x[i], 0);
       if (each !== NORMAL) return;
-      const trace = A[i - 2][i - 2] + A[i - 1][i - 1], sides = trace > 0 ? [i - 2, i - 1].map((a) => x[a] - rate(a) / trace) : [0, 0];
-      const side = Math.hypot(...sides), most = bounds[i] * x[i], factor = side > most ? most / side : 1;
+      const trace = A[i - 2][i - 2] + A[i - 1][i - 1];
+      const sides = trace > 0 ? [i - 2, i - 1].map((a) => x[a] - rate(a) / trace) : [0, 0];
+      const side = Math.hypot(...sides), most = bounds[i] * x[i];
+      const factor = side > most ? most / side : 1;
       [x[i - 2], x[i - 1]] = [factor * sides[0], factor * sides[1]];
     });
     return x;
   }
 
+  // The solution near a start, and its residual. Every third series of Newton's steps starts from the
+  // sweeps alone, which go on; the others start from the best impulses.
   function solution(problem, start) {
-    let [best, least] = newton(problem, start, PROXIMAL[0], WARM_STEPS), alone = start;
-    for (let series = 0; series < SERIES && !(least < ROUNDING || (least < SOLVED && series >= REFINED)); series++) {
-      const fromSweeps = series % 3 === 0; // every third series starts from the sweeps alone, which go on
-      let x = fromSweeps ? alone : best;
-      for (let k = 0; k < (fromSweeps ? SWEEPS * (1 + series) : SWEEPS); k++) x = swept(problem, x);
-      if (fromSweeps) alone = x;
+    let [best, least] = newton(problem, start, PROXIMAL[0], WARM_STEPS);
+    let afterSweeps = start;
+    for (let series = 0; series < SERIES; series++) {
+      if (least < ROUNDING || (least < SOLVED && series >= REFINED)) break;
+      const fromSweeps = series % 3 === 0;
+      const sweeps = fromSweeps ? SWEEPS * (1 + series) : SWEEPS;
+      let x = fromSweeps ? afterSweeps : best;
+      for (let k = 0; k < sweeps; k++) x = swept(problem, x);
+      if (fromSweeps) afterSweeps = x;
       const [near, error] = newton(problem, x, PROXIMAL[series % PROXIMAL.length], STEPS);
       if (error < least) [best, least] = [near, error];
     }
@@ -167,8 +194,10 @@ function nonsmooth(elements, rise) {
 
   // Matrices of the terms y at a configuration; `layout` says where they are.
   function read(layout, y) {
-    const { n, places, row_start, row_column } = layout, M = Array.from({ length: n }, () => new Float64Array(n));
-    for (let i = 0, at = places.inertia; i < n; i++) for (let j = i; j < n; j++) M[i][j] = M[j][i] = y[at++];
+    const { n, places, row_start, row_column } = layout;
+    const M = Array.from({ length: n }, () => new Float64Array(n));
+    let at = places.inertia; // the upper triangle, row by row
+    for (let i = 0; i < n; i++) for (let j = i; j < n; j++) M[i][j] = M[j][i] = y[at++];
     const rows = row_start.slice(1).map((end, k) => {
       const row = new Float64Array(n);
       for (let i = row_start[k]; i < end; i++) row[row_column[i]] = y[places.entries + i];
@@ -185,60 +214,128 @@ function nonsmooth(elements, rise) {
     };
   }
 
-  // Rates of the coordinates after a step of length h, impulses x and their residual; null if the
-  // inertia is not positive definite. `efforts` are those of the motors at the start of the step,
-  // `gains` their stiffness and damping, `limits` those of the stops, `start` impulses near x.
-  function step({ M, forces, gaps, lengths, J, implicit, scale }, { q, va, efforts, gains, limits, h, start }) {
-    // Inertia and momentum, with damping and stiffness at the end of the step.
-    const motors = efforts.length, first = implicit.length - motors;
-    const soft = [...damping, ...gains.damping], hard = [...stiffness, ...gains.stiffness];
-    const A = M.map((row) => Float64Array.from(row)), momentum = M.map((row, i) => dot(row, va) + h * forces[i]);
+  // The inertia with damping and stiffness at the end of a step, and the momentum that free motion has
+  // there.
+  function withImplicitForces({ M, forces, implicit }, { va, efforts, gains, h }) {
+    const firstMotor = implicit.length - efforts.length;
+    const allDamping = [...damping, ...gains.damping], allStiffness = [...stiffness, ...gains.stiffness];
+    const inertia = M.map((row) => Float64Array.from(row));
+    const momentum = M.map((row, i) => dot(row, va) + h * forces[i]);
     implicit.forEach((row, k) => {
-      if (k >= first) row.forEach((x, i) => { momentum[i] += h * efforts[k - first] * x; });
-      const factor = h * soft[k] + h * h * hard[k];
-      if (factor) row.forEach((x, i) => { if (x) row.forEach((z, j) => { A[i][j] += factor * x * z; }); });
+      if (k >= firstMotor) row.forEach((x, i) => { momentum[i] += h * efforts[k - firstMotor] * x; });
+      const factor = h * allDamping[k] + h * h * allStiffness[k];
+      if (!factor) return;
+      row.forEach((x, i) => {
+        if (x) row.forEach((z, j) => { inertia[i][j] += factor * x * z; });
+      });
     });
+    return { inertia, momentum };
+  }
 
-    // Cables: w = J va + bias + compliance x; one of constant tension is a force.
-    const acting = new Array(m).fill(0), bias = new Float64Array(m), compliance = new Float64Array(m), bounds = new Float64Array(m);
+  // All rows with w = J va + bias + compliance x. `acting` is 1 for a row that acts, 0 for one that may,
+  // -1 for one that never does.
+  function newRows() {
+    return {
+      acting: new Array(m).fill(0),
+      bias: new Float64Array(m),
+      compliance: new Float64Array(m),
+      bounds: new Float64Array(m),
+    };
+  }
+
+  // Set the rows of cables. A cable of constant tension is no row but a force: its impulse is its bound,
+  // and the momentum changes by it.
+  function setCables(rows, momentum, { lengths, J }, { efforts, h }) {
     cables.forEach((cable, k) => {
-      const i = firstCable + k, tension = cable.preload + cable.stiffness * (lengths[k] - cable.rest) - dot(cable.shares, efforts);
+      const i = firstCable + k;
+      const tension = cable.preload + cable.stiffness * (lengths[k] - cable.rest) - dot(cable.shares, efforts);
       const yielding = cable.damping + h * cable.stiffness;
       if (yielding > 0) {
-        bias[i] = -tension / yielding;
-        compliance[i] = 1 / (h * yielding);
+        rows.bias[i] = -tension / yielding;
+        rows.compliance[i] = 1 / (h * yielding);
         return;
       }
-      acting[i] = -1; // never a row
-      bounds[i] = h * Math.max(tension, 0);
-      J[i].forEach((x, a) => { momentum[a] += bounds[i] * x; });
+      rows.acting[i] = -1;
+      rows.bounds[i] = h * Math.max(tension, 0);
+      J[i].forEach((x, a) => { momentum[a] += rows.bounds[i] * x; });
     });
-    const G = cholesky(A);
-    if (!G) return null;
-    const free = backward(G, forward(G, momentum)), Z = J.map((row) => forward(G, row));
+  }
 
+  // Set the rows of contacts, ropes, stops and dry friction, for the rates of the free motion.
+  function setOtherRows(rows, free, { gaps, J }, { q, va, limits, h }) {
     contacts.forEach(({ friction, restitution, radius }, k) => {
-      const i = 3 * k + 2, gap = gaps[k] - radius, before = dot(J[i], va), ahead = Math.min(before, dot(J[i], free));
+      const i = 3 * k + 2, gap = gaps[k] - radius;
+      const before = dot(J[i], va), ahead = Math.min(before, dot(J[i], free));
       const hits = restitution > 0 && before < 0 && gap + h * ahead <= 0;
-      bias[i] = hits ? restitution * before : Math.max(gap / h, -rise);
-      bounds[i] = friction;
+      rows.bias[i] = hits ? restitution * before : Math.max(gap / h, -rise);
+      rows.bounds[i] = friction;
     });
-    ropes.forEach((length, k) => { bias[firstRope + k] = Math.max((gaps[contacts.length + k] + length) / h, -rise); });
-    stops.forEach(({ position, side }, k) => { bias[firstStop + k] = side * (q[position] - limits[k]) / h; });
+    ropes.forEach((length, k) => {
+      rows.bias[firstRope + k] = Math.max((gaps[contacts.length + k] + length) / h, -rise);
+    });
+    stops.forEach(({ position, side }, k) => {
+      rows.bias[firstStop + k] = side * (q[position] - limits[k]) / h;
+    });
     dry.forEach((force, k) => {
-      bounds[firstDry + k] = h * force;
-      acting[firstDry + k] = force > 0 ? 1 : -1;
+      rows.bounds[firstDry + k] = h * force;
+      rows.acting[firstDry + k] = force > 0 ? 1 : -1;
     });
+  }
 
-    // Contacts, ropes and stops that the loops hold never act: what they have on the coordinates is rounding.
-    const gapRows = [...contacts.map((_, k) => 3 * k + 2), ...ropes.map((_, k) => firstRope + k), ...stops.map((_, k) => firstStop + k)];
+  // The problem of the rows `index`. Rows are divided by the square roots of their diagonal entries, the
+  // `units`; a contact has one unit.
+  function problemOf(index, rows, free, J, Z) {
+    const size = index.map((i) => dot(Z[i], Z[i]) + rows.compliance[i]);
+    index.forEach((i, a) => {
+      if (kinds[i] !== NORMAL) return;
+      size[a] = size[a - 1] = size[a - 2] = Math.max(size[a], size[a - 1], size[a - 2]);
+    });
+    const units = size.map(Math.sqrt), kind = index.map((i) => kinds[i]);
+    const entry = (i, a, j, b) => {
+      const compliance = a === b ? rows.compliance[i] : 0;
+      return (dot(Z[i], Z[j]) + compliance) / (units[a] * units[b]);
+    };
+    const problem = {
+      A: index.map((i, a) => Float64Array.from(index, (j, b) => entry(i, a, j, b))),
+      u: index.map((i, a) => (dot(J[i], free) + rows.bias[i]) / units[a]),
+      kind,
+      bounds: index.map((i, a) => kind[a] === DRY ? rows.bounds[i] * units[a] : rows.bounds[i]),
+    };
+    return { problem, units };
+  }
+
+  // Contacts, ropes and stops that the loops hold never act: what they have on the coordinates is rounding.
+  function dropHeldByLoops(acting, { J, scale }) {
+    const gapRows = [
+      ...contacts.map((_, k) => 3 * k + 2),
+      ...ropes.map((_, k) => firstRope + k),
+      ...stops.map((_, k) => firstStop + k),
+    ];
     gapRows.forEach((i, k) => {
       if (J[i].some((x, a) => Math.abs(x) * scale[a] > HELD_BY_LOOPS * gap_scale[k])) return;
       acting[i] = -1;
     });
+  }
+
+  // Rates of the coordinates after a step, impulses x and their residual; null if the inertia is not
+  // positive definite. `terms` are from `read`; of the state, `h` is the length of the step, `efforts` are
+  // those of the motors at its start, `gains` their stiffness and damping, `limits` those of the stops,
+  // `start` impulses near x.
+  function step(terms, state) {
+    const { J } = terms, { start } = state;
+    const { inertia, momentum } = withImplicitForces(terms, state);
+    const rows = newRows();
+    setCables(rows, momentum, terms, state);
+    const G = cholesky(inertia);
+    if (!G) return null;
+    const free = backward(G, forward(G, momentum));
+    const Z = J.map((row) => forward(G, row)); // J inertia^-1 J^T = Z Z^T
+    setOtherRows(rows, free, terms, state);
+    dropHeldByLoops(rows.acting, terms);
 
     // Rows that act, until the others are not violated.
-    let rates = free, x = new Float64Array(m), residual = 0, solvedOnce = false;
+    const { acting, bias, compliance } = rows;
+    let rates = free, x = new Float64Array(m), residual = 0, isSolved = false;
     for (;;) {
       let more = false;
       for (let i = 0; i < firstDry; i++) {
@@ -248,29 +345,24 @@ function nonsmooth(elements, rise) {
         acting[i] = 1;
         if (kinds[i] === NORMAL) acting[i - 1] = acting[i - 2] = 1;
       }
-      const index = kinds.map((_, i) => i).filter((i) => acting[i] === 1 && (kinds[i] !== DRY || dot(Z[i], Z[i]) > 0));
-      if (!more && (solvedOnce || !index.length)) break;
-      solvedOnce = true;
-      // Rows are divided by the square roots of their diagonal entries; a contact has one unit.
-      const size = index.map((i) => dot(Z[i], Z[i]) + compliance[i]);
-      index.forEach((i, a) => { if (kinds[i] === NORMAL) size[a] = size[a - 1] = size[a - 2] = Math.max(size[a], size[a - 1], size[a - 2]); });
-      const units = size.map(Math.sqrt), kind = index.map((i) => kinds[i]);
-      const problem = {
-        A: index.map((i, a) => Float64Array.from(index, (j, b) => (dot(Z[i], Z[j]) + (a === b ? compliance[i] : 0)) / (units[a] * units[b]))),
-        u: index.map((i, a) => (dot(J[i], free) + bias[i]) / units[a]),
-        kind,
-        bounds: index.map((i, a) => kind[a] === DRY ? bounds[i] * units[a] : bounds[i]),
-      };
-      const [found, error] = solution(problem, index.map((i, a) => start[i] * units[a])), change = new Float64Array(free.length);
+      const changeable = (i) => kinds[i] !== DRY || dot(Z[i], Z[i]) > 0;
+      const index = kinds.map((_, i) => i).filter((i) => acting[i] === 1 && changeable(i));
+      if (!more && (isSolved || !index.length)) break;
+      isSolved = true;
+      const { problem, units } = problemOf(index, rows, free, J, Z);
+      const [impulses, error] = solution(problem, index.map((i, a) => start[i] * units[a]));
       residual = error;
       x = new Float64Array(m);
+      const change = new Float64Array(free.length);
       index.forEach((i, a) => {
-        x[i] = found[a] / units[a];
+        x[i] = impulses[a] / units[a];
         Z[i].forEach((z, k) => { change[k] += x[i] * z; });
       });
       rates = backward(G, change).map((each, k) => each + free[k]);
     }
-    cables.forEach((_, k) => { if (acting[firstCable + k] < 0) x[firstCable + k] = bounds[firstCable + k]; });
+    cables.forEach((_, k) => {
+      if (acting[firstCable + k] < 0) x[firstCable + k] = rows.bounds[firstCable + k];
+    });
     return { rates, x, residual };
   }
 

@@ -6,16 +6,23 @@ from collections.abc import Mapping, Sequence
 from heapq import heappop, heappush
 from itertools import pairwise
 
+#: Characters of a line.
 _WIDTH = 94
-#: The most statements of an undivided function, and of the parts of a divided one.
-LARGEST, _PART = 7000, 500
-#: With no more statements than this, the compiler chooses where results are kept.
+#: The most statements of an undivided function.
+LARGEST = 7000
+#: The most statements of the parts of a divided function.
+_PART = 500
+
+# For `with_results_in_memory`:
+#: A function of no more statements stays as it is.
 _FEW = 300
-#: Results that are not used for more statements than this are kept in an array.
+#: A result that is not used for more statements than this is stored in the array.
 _NEAR = 120
-#: Entries of the array for each pointer, half on each side, and the most pointers whose target is
-#: hidden from the compiler.
-_REACH, _POINTERS = 32, 12
+#: Entries of the array that are read by one pointer, half of them on each side of it.
+_REACH = 32
+#: The most pointers whose target is hidden from the compiler.
+_POINTERS = 12
+
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
 #: Sine and cosine of a number of the input.
@@ -50,7 +57,7 @@ def together(lines: Sequence[str]) -> list[str]:
 
 
 def with_results_in_memory(lines: Sequence[str]) -> list[str]:
-    """Statements of a function with results kept in an array until they are used.
+    """Statements of a function in which results wait in an array for a distant use.
 
     The compiler then allocates registers for few results at a time. Measured with GCC 12 on AVX-512
     for torques and accelerations of the Stewart platform and the Delta, a large function compiles
@@ -63,18 +70,11 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
     """
     if len(lines) <= _FEW:
         return list(lines)
-    uses: dict[str, list[int]] = {}  # statements of each result: the one that makes it comes first
-    for i, line in enumerate(lines):
-        for result in _used(line):
-            uses.setdefault(result, []).append(i)
-    # From this statement on a result is read from the array; results without one stay as they are.
-    read_from: dict[str, int] = {}
-    for result, at in uses.items():
-        for before, after in pairwise(at):
-            if after - before > _NEAR:
-                read_from[result] = after
-                break
+    statements_with = _statements_with_results(lines)
+    read_from = _first_distant_uses(statements_with)
 
+    # Store each of these results after the statement that makes it, and read it from the array from
+    # its distant use on. Its entry is free after its last use.
     places: dict[str, int] = {}
     unused_places: list[int] = []  # a heap: the lowest place is used first
     size = 0
@@ -92,9 +92,10 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
                     size += 1
                 places[result] = heappop(unused_places)
                 body.append(f"{_place(places[result])} = {result};")
-            if i == uses[result][-1]:
+            if i == statements_with[result][-1]:
                 heappush(unused_places, places[result])
 
+    # Declare the array and the pointers into it.
     pointers = -(-size // _REACH)
     declarations: list[str] = []
     if pointers:
@@ -104,6 +105,29 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
         if k < _POINTERS:  # hides from the compiler that it points to the stack
             declarations.append(f'__asm__("" : "+r"(w{k}));')
     return declarations + body
+
+
+def _statements_with_results(lines: Sequence[str]) -> dict[str, list[int]]:
+    """The numbers of the statements with each result; the first of them makes the result."""
+    statements_with: dict[str, list[int]] = {}
+    for i, line in enumerate(lines):
+        for result in _used(line):
+            statements_with.setdefault(result, []).append(i)
+    return statements_with
+
+
+def _first_distant_uses(statements_with: Mapping[str, Sequence[int]]) -> dict[str, int]:
+    """The first statement that uses a result long after the statement with it before.
+
+    Results without such a use are left out.
+    """
+    distant_uses: dict[str, int] = {}
+    for result, numbers in statements_with.items():
+        for before, after in pairwise(numbers):
+            if after - before > _NEAR:
+                distant_uses[result] = after
+                break
+    return distant_uses
 
 
 def _place(k: int) -> str:
@@ -124,13 +148,16 @@ def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[st
 
 
 def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
-    """Statements of functions that run in sequence and pass results in an array w, and its size.
+    """Statements of functions that run one after the other, and the size of their array w.
 
-    Compile time grows faster than functions do. An entry of w is used again after the last use of
-    its result.
+    Compile time grows faster than the size of a function. So a long function becomes one for each
+    piece. Results of a piece that later pieces use are in w; an entry of w is used again after the
+    last use of its result.
     """
-    # The last piece that uses each result.
-    last = {x: k for k, piece in enumerate(pieces) for line in piece for x in _used(line)}
+    last = dict[str, int]()  # the last piece that uses each result
+    for k, piece in enumerate(pieces):
+        for line in piece:
+            last |= dict.fromkeys(_used(line), k)
     places = dict[str, int]()  # entries of w, by result
     unused_places = list[int]()
     size = 0
