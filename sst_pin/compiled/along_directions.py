@@ -246,7 +246,7 @@ def _solution(factors: SymmetricFactors) -> Solution:
     rows, columns = L.sparsity().get_triplet()
     inverses = 1 / ca.densify(factors.D)
     return Solution(
-        factors=ca.vertcat(inverses, SX(0, 1), *ca.vertsplit(L.nz[:])),
+        factors=ca.vertcat(inverses, *(L.nz[k] for k in range(L.nnz()))),
         order=list(factors.order),
         entries=list(zip(rows, columns, strict=True)),
     )
