@@ -11,7 +11,7 @@ ones before it, and `Blocks` solves them in this order.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -97,8 +97,25 @@ def triangular_blocks(pattern: Flags) -> list[Indices]:
     return [np.flatnonzero(first == k) for k in starts]
 
 
+class _Step(NamedTuple):
+    """The elimination of one pivot."""
+
+    row: int
+    column: int
+    #: What the row of the pivot was multiplied by when it was subtracted from other rows, by these.
+    factors: dict[int, Any]
+    #: One over the pivot.
+    inverse: Any
+
+
 class Factors:
-    """Factors of the part of a matrix that has pivots; the last two may form one 2 x 2 block."""
+    """Factors of the part of a matrix that has pivots; the last two may form one 2 x 2 block.
+
+    Attributes:
+        rows, columns: Of the pivots, in the order of elimination.
+        pivots: The pivots; the last one may be the determinant of a 2 x 2 block.
+        inverses: One over each of these.
+    """
 
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
         columns = {j for _, j in order}
@@ -106,15 +123,16 @@ class Factors:
         self._order = list(order)
         self.rows = [i for i, _ in order]
         self.columns = [j for _, j in order]
-        #: Row and column of each pivot before the core, factors by the row they change, inverse.
-        self._steps: list[tuple[int, int, dict[int, Any], Any]] = []
-        self.pivots: list[Any] = []  # for a last 2 x 2 block its determinant
-        self.inverses: list[Any] = []  # one over each pivot
-        self._core: dict[tuple[int, int], Any] = {}  # inverse of the last 2 x 2 block
+        self._steps: list[_Step] = []
+        self.pivots: list[Any] = []
+        self.inverses: list[Any] = []
+        #: Entries of the inverse of the last 2 x 2 block, by column and row of the block; empty
+        #: if there is none.
+        self._inverse_of_block: dict[tuple[int, int], Any] = {}
         waiting = [i for i, _ in order]
         for i, j in order:
-            if len(waiting) == 2 and self._invert_core([work[k] for k in waiting]):
-                break
+            if len(waiting) == 2 and self._invert_last_block([work[k] for k in waiting]):
+                break  # the block stands for the last two pivots
             waiting.remove(i)
             row = work[i]
             pivot = work[i].pop(j)
@@ -124,22 +142,34 @@ class Factors:
                 if j in work[k]:
                     factors[k] = work[k].pop(j) * inverse
                     _subtract(work[k], factors[k], row)
-            self._steps.append((i, j, factors, inverse))
+            self._steps.append(_Step(i, j, factors, inverse))
             self.pivots.append(pivot)
             self.inverses.append(inverse)
-        self._upper = work  # what is left of each row beside its pivot
+        #: What is left of each row beside its pivot.
+        self._upper = work
 
-    def _invert_core(self, rows: list[Mapping[int, Any]]) -> bool:
-        """Invert the last 2 x 2 block: one of its pivots may vanish while the matrix is regular."""
+    def _invert_last_block(self, rows: list[Mapping[int, Any]]) -> bool:
+        """Invert the last 2 x 2 block of two rows, unless it is triangular; whether it was done.
+
+        One of the two pivots may vanish while the block [[a, b], [c, d]] is regular.
+        """
         (i, j), (k, m) = self._order[-2:]
         if m not in rows[0] or j not in rows[1]:
             return False
-        (a, b), (c, d) = ((row.get(j, 0.0), row.get(m, 0.0)) for row in rows)
-        self.pivots.append(a * d - b * c)
-        inverse = 1 / self.pivots[-1]
+        a = rows[0].get(j, 0.0)
+        b = rows[0].get(m, 0.0)
+        c = rows[1].get(j, 0.0)
+        d = rows[1].get(m, 0.0)
+        determinant = a * d - b * c
+        inverse = 1 / determinant
+        self.pivots.append(determinant)
         self.inverses.append(inverse)
-        self._core = {(j, i): d * inverse, (j, k): -b * inverse}
-        self._core |= {(m, i): -c * inverse, (m, k): a * inverse}
+        self._inverse_of_block = {
+            (j, i): d * inverse,
+            (j, k): -b * inverse,
+            (m, i): -c * inverse,
+            (m, k): a * inverse,
+        }
         return True
 
     def small(self, sizes: Array) -> Any:
@@ -155,9 +185,13 @@ class Factors:
     @property
     def changed(self) -> tuple[list[int], list[int]]:
         """Rows and columns of A with elements that elimination changes, so that they may grow."""
-        steps = [(factors, self._upper[i]) for i, _, factors, _ in self._steps]
-        rows = {k for factors, row in steps if row for k in factors}
-        columns = {k for factors, row in steps if factors for k in row}
+        rows = set[int]()
+        columns = set[int]()
+        for step in self._steps:
+            upper = self._upper[step.row]
+            if upper and step.factors:
+                rows.update(step.factors)
+                columns.update(upper)
         return [i for i in self.rows if i in rows], sorted(columns)
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
@@ -168,7 +202,7 @@ class Factors:
             if i in y:
                 for k, factor in factors.items():
                     _add(y, k, -(factor * y[i]))
-        for (j, i), entry in self._core.items():
+        for (j, i), entry in self._inverse_of_block.items():
             if i in y:
                 _add(x, j, entry * y[i])
         for i, j, _, inverse in reversed(self._steps):
@@ -188,7 +222,7 @@ class Factors:
                 x[i] = y[j] * inverse
                 for k, entry in self._upper[i].items():
                     _add(y, k, -(entry * x[i]))
-        for (j, i), entry in self._core.items():
+        for (j, i), entry in self._inverse_of_block.items():
             if j in y:
                 _add(x, i, entry * y[j])
         for i, _, factors, _ in reversed(self._steps):
@@ -284,12 +318,17 @@ class Definition:
         self.columns = [column]
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """The unknown by its column."""
-        return dict(zip(self.columns, right.values(), strict=False))
+        """The unknown by its column; empty if it is zero."""
+        return _renamed(right, self.rows, self.columns)
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """The multiplier by its row."""
-        return dict(zip(self.rows, right.values(), strict=False))
+        """The multiplier by its row; empty if it is zero."""
+        return _renamed(right, self.columns, self.rows)
+
+
+def _renamed(x: Mapping[int, Any], old: Sequence[int], new: Sequence[int]) -> dict[int, Any]:
+    """A sparse vector with new indices for the old ones."""
+    return {j: x[i] for i, j in zip(old, new, strict=True) if i in x}
 
 
 #: A block of a block lower triangular matrix.

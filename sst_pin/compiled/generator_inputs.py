@@ -68,7 +68,6 @@ def fingerprint(
     """
     model = mechanism.model
     lines = [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
-    cables = mechanism.lines.pull_only.any()
     named = set[str]()  # names of frames
     for closure in mechanism.closures:
         named.update(frames_of(closure))
@@ -76,36 +75,54 @@ def fingerprint(
         named.update(ends)
     if frame is not None:
         named.add(frame)
-    nonsmooth: tuple[Any, ...] = ()
+    of_rows: dict[str, Any] = {}
     if rows is not None:
         contacts = mechanism.contacts
         points = [(x.frame, x.ground) for x in contacts.points]
         ropes = [(x.frame_a, x.frame_b) for x in contacts.ropes]
-        radii = [x.radius for x in contacts.points]
-        stops = [(x.rate, x.position, x.side) for x in rows.stops]
-        nonsmooth = points, ropes, radii, stops, rows.dry_rates, rows.dry_lines, rows.cables
+        of_rows = {
+            "contacts": points,
+            "ropes": ropes,
+            "radii": [x.radius for x in contacts.points],
+            "stops": [(x.rate, x.position, x.side) for x in rows.stops],
+            "dry rates": rows.dry_rates,
+            "dry lines": rows.dry_lines,
+            "cables": rows.cables,
+        }
         for ends in (*points, *ropes):
             named.update(ends)
+    of_cables: dict[str, Any] = {}
+    if mechanism.lines.pull_only.any():
+        of_cables = {
+            "pull only": mechanism.lines.pull_only,
+            # Springs of cables are written out where they are stiff.
+            "stiff": mechanism.lines.stiffness > 0,
+        }
     frames = {name: frame_named(model, name) for name in sorted(named)}
-    near = mechanism.example if near is None else near
-    parts = (
-        # The tree, and the frames that closures, lines and contacts connect.
-        (LinkTree.of(model), list(model.names), [(x.idx_q, x.idx_v) for x in model.joints]),
-        {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
-        # Closures, lines, and motors on lines.
-        (mechanism.closures, lines, mechanism.lines.actuation),
-        # Springs of cables are written out where they are stiff.
-        (mechanism.lines.pull_only, mechanism.lines.stiffness > 0) if cables else (),
-        # Coordinates, motors on joints, and scales of the checks.
-        (mechanism.coordinates, mechanism.actuation, mechanism.row_scale, mechanism.rate_scale),
-        # Which parameters stay symbols. Loads act at mass centres; of bodies whose mass is no
-        # symbol, these are numbers.
-        (vars(parameters), mechanism.length),
-        [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
+    if near is None:
+        near = mechanism.example
+    if near is not None:
         # Rounded, because the last digits of an assembled configuration may vary; -0 becomes 0.
-        (frame, near if near is None else near.round(6) + 0.0),
-        *nonsmooth,
-    )
+        near = near.round(6) + 0.0
+    parts = {
+        "tree": LinkTree.of(model),
+        "joints": list(model.names),
+        "indices": [(x.idx_q, x.idx_v) for x in model.joints],
+        "frames": {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
+        "closures": mechanism.closures,
+        "lines": lines,
+        "motors on lines": mechanism.lines.actuation,
+        "cables": of_cables,
+        "coordinates": mechanism.coordinates,
+        "motors on joints": mechanism.actuation,
+        "scales": (mechanism.row_scale, mechanism.rate_scale, mechanism.length),
+        "parameters": vars(parameters),
+        # Loads act at mass centres. Those of bodies whose masses are no symbols are numbers.
+        "levers": [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
+        "frame": frame,
+        "near": near,
+        "nonsmooth rows": of_rows,
+    }
     return _exact(parts).encode()
 
 
@@ -116,5 +133,7 @@ def _exact(x: Any) -> str:
     if is_dataclass(x):
         return f"{type(x).__name__} {_exact(vars(x))}"
     if isinstance(x, dict):
-        x = list(x.items())
-    return f"({', '.join(map(_exact, x))})" if isinstance(x, (list, tuple)) else repr(x)
+        return _exact(list(x.items()))
+    if isinstance(x, (list, tuple)):
+        return f"({', '.join(map(_exact, x))})"
+    return repr(x)

@@ -103,7 +103,7 @@ class NonsmoothCode:
 
 
 def implicit_rates(parameters: SymbolicParameters) -> list[int]:
-    """Rates with viscous friction or a spring."""
+    """Rates with viscous friction or a spring, whose forces are implicit in a step."""
     return sorted({*parameters.joints["viscous"], *parameters.joints["stiffness"]})
 
 
@@ -133,27 +133,36 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
     cables = [lines[k] for k in rows.cables]
     others = [lines[k] for k in other_lines(rows)]
     rates = implicit_rates(parameters)
-    columns = [  # each a number for all robots, or one for each
-        *(x.friction for x in contacts.points),
-        *rows.restitution,
-        *(x.radius for x in contacts.points),
-        *(-x.length for x in contacts.ropes),
-        *(x.stiffness for x in cables),
-        *(x.rest_length for x in cables),
-        *(x.damping for x in cables),
-        *(x.preload for x in cables),
-        *mechanism.lines.actuation[rows.cables].ravel(),
-        *(x.limit for x in rows.stops),
-        *(coulomb[rate] for rate in rows.dry_rates),
-        *(line_coulomb[k] for k in rows.dry_lines),
-        *(viscous.get(rate, 0.0) for rate in rates),
-        *(x.damping for x in others),
-        *gains.damping,
-        *(stiffness.get(rate, 0.0) for rate in rates),
-        *(x.stiffness for x in others),
-        *gains.stiffness,
-        *rows.least_gaps,
-    ]
+    # By the names and in the order of the pointers at the head of `nonsmooth_step` in the C, which
+    # has `least` in `starts_free`. Each entry is a number for all robots, or an array with one for
+    # each.
+    parts: dict[str, list[Any]] = {
+        # contacts
+        "friction": [x.friction for x in contacts.points],
+        "restitution": list(rows.restitution),
+        # what the gaps of contacts and ropes are measured from
+        "offsets": [x.radius for x in contacts.points] + [-x.length for x in contacts.ropes],
+        # cables
+        "line_k": [x.stiffness for x in cables],
+        "rest": [x.rest_length for x in cables],
+        "line_d": [x.damping for x in cables],
+        "preload": [x.preload for x in cables],
+        "on_cables": list(mechanism.lines.actuation[rows.cables].ravel()),
+        # stops, dry friction of joints and of lines
+        "limits": [x.limit for x in rows.stops],
+        "coulomb": [coulomb[rate] for rate in rows.dry_rates]
+        + [line_coulomb[k] for k in rows.dry_lines],
+        # implicit rows: joints, lines that also push, motors
+        "damping": [viscous.get(rate, 0.0) for rate in rates]
+        + [x.damping for x in others]
+        + list(gains.damping),
+        "stiffness": [stiffness.get(rate, 0.0) for rate in rates]
+        + [x.stiffness for x in others]
+        + list(gains.stiffness),
+        # the least gaps with which a motion may start
+        "least": list(rows.least_gaps),
+    }
+    columns = [column for part in parts.values() for column in part]
     values = np.zeros((robots, len(columns)))
     for k, column in enumerate(columns):
         values[:, k] = column

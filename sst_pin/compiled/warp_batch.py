@@ -3,7 +3,7 @@
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from enum import IntEnum
 from functools import cache, cached_property
@@ -265,8 +265,8 @@ class WarpBatch:
         if any(x is not None for x in (motor_stiffness, motor_damping, motor_positions)):
             raise InputError("motor_stiffness, motor_damping", "only with nonsmooth=True")
         key = Quantity("rollout", sign_width=width)
-        out = out or (None, None)
-        return self._run(key, {"q": q, "va": va, "tau": tau}, out, h=h, steps=steps, **options)
+        inputs = {"q": q, "va": va, "tau": tau}
+        return self._smooth_step(key, inputs, out, h=h, steps=steps, **options)
 
     def module(self, key: Quantity) -> ModuleType:
         """Warp's kernels of a quantity, for `wp.compile_aot_module`; "rollout" makes steps."""
@@ -311,45 +311,71 @@ class WarpBatch:
             "impulses": (self._rows.count,),
         }.get(name, (n,))
 
-    def _run(
+    def _run(self, key: Quantity, inputs: dict[str, Any], out: Any = None, **options: Any) -> Any:
+        """The result of a quantity; `options` as those of `torques`."""
+        of_user = {"out": _Result(str(key.name), out)}
+        return self._launched(key, inputs, of_user, **options)["out"]
+
+    def _smooth_step(
         self,
         key: Quantity,
         inputs: dict[str, Any],
-        out: Any = None,
+        out: tuple[Any, ...] | None,
+        *,
+        h: float,
+        steps: int,
+        **options: Any,
+    ) -> State:
+        """The states after Runge-Kutta steps of length h."""
+        of_q, of_va = _outputs(State._fields, out)
+        of_user = {"out": _Result("q", of_q), "va_out": _Result("va", of_va)}
+        results = self._launched(key, inputs, of_user, h=h, steps=steps, **options)
+        return State(q=results["out"], va=results["va_out"])
+
+    def _launched(
+        self,
+        key: Quantity,
+        inputs: dict[str, Any],
+        of_user: dict[str, "_Result"],
         *,
         external_wrenches: Any = None,
         status: Any = None,
         h: float = 0.0,
         steps: int = 0,
-    ) -> Any:
-        """Launch the kernel of a quantity."""
+    ) -> dict[str, Any]:
+        """Launch the kernel of a quantity; its results, by their arguments in `warp_code.RUN`.
+
+        Args:
+            key: The quantity.
+            inputs: The arrays of its inputs, by name.
+            of_user: The results that it fills, by their arguments.
+            external_wrenches: Wrenches on bodies, or None.
+            status: Array for the status of each sample, or None.
+            h: Length of a step, [s].
+            steps: Number of steps.
+        """
         _require_on_bodies(external_wrenches)
         if external_wrenches is not None:
             key = key._replace(loaded=True)
             inputs = inputs | {kernels.WRENCHES: external_wrenches}
         count: Any = None
-        arrays = []
+        arguments: dict[str, Any] = {"h": h, "steps": steps}
         for name, value in inputs.items():
-            arrays.append(self._array(name, value, self._shape(name), count))
-            count = arrays[0].shape[0]
+            array = self._array(name, value, self._shape(name), count)
+            count = array.shape[0]
+            # The last input of motions is aa or tau. There may be no motors.
+            argument = "last" if name in ("aa", "tau") else name
+            arguments[argument] = array if array.shape[1] else None
         self._require_samples(count)
-        if status is not None:
-            status = self._array("status", status, (), count, wp.int32)
-        results = []
-        names = ["q", "va"] if steps else [str(key.name)]
-        for name, array in zip(names, out if steps else [out], strict=True):
-            shape = self._shape(name)
-            if array is None:
-                results.append(wp.empty((count, *shape), dtype=self.dtype, device=self.device))
-            else:
-                results.append(self._array("out", array, shape, count))
-        module, p = self._prepare(key)
-        arrays = [x if x.shape[1] else None for x in arrays]  # there may be no motors
-        loads = [arrays.pop() if key.loaded else None]
-        flat = [x if x.ndim == 2 else x.reshape((count, -1)) for x in results]
-        arguments = [*_filled(arrays, 3), *loads, p, *_filled(flat, 2), h, steps, status]
-        self._launch(module, count, arguments)
-        return State(*results) if steps else results[0]
+        arguments["status"] = self._status(status, count)
+        results = {}
+        for argument, (name, array) in of_user.items():
+            results[argument] = self._output(name, array, count)
+            flat = results[argument]
+            arguments[argument] = flat if flat.ndim == 2 else flat.reshape((count, -1))
+        module, arguments["p"] = self._prepare(key)
+        self._launch(module, count, arguments, warp_code.RUN)
+        return results
 
     def _nonsmooth_step(
         self,
@@ -389,48 +415,63 @@ class WarpBatch:
             if math.prod(shape):
                 arrays[name] = array
         self._require_samples(count)
-        if status is not None:
-            status = self._array("status", status, (), count, wp.int32)
+        status = self._status(status, count)
 
         fields = NonsmoothState._fields
-        if out is not None and len(out) != len(fields):
-            raise InputError("out", f"{len(out)} arrays, expected {', '.join(fields)}")
-        results = {}
-        flat = []
-        for name, of_user in zip(fields, out or [None] * len(fields), strict=True):
-            shape = self._shape(name)
-            if of_user is None:
-                array = wp.empty((count, *shape), dtype=self.dtype, device=self.device)
-            else:
-                array = self._array("out", of_user, shape, count)
-            size = math.prod(shape)
-            results[name] = array
-            flat.append(array.reshape((count, size)) if size else None)
+        results: dict[str, Any] = {}
+        of_results: dict[str, Any] = {}  # arguments with two axes; None where there is nothing
+        for name, of_user in zip(fields, _outputs(fields, out), strict=True):
+            results[name] = self._output(name, of_user, count)
+            argument = f"{name}_out" if name in ("q", "va") else name
+            size = math.prod(self._shape(name))
+            of_results[argument] = results[name].reshape((count, size)) if size else None
         module = self.nonsmooth_module(loaded=external_wrenches is not None)
-        # A step that continues another one may start with the violation which that one leaves.
-        violation = FRESH if start is None else CONTINUED
-        arguments = [  # in the order of `warp_code._NONSMOOTH`
-            arrays["q"],
-            arrays["va"],
-            arrays["tau"],
-            arrays[kernels.WRENCHES],
-            self._prepared_by(module),
-            self._numbers_of(gains),
-            arrays["motor_positions"],
-            arrays["impulses"],
-            *flat,
-            h,
-            steps,
-            iterations,
-            violation,
-            status,
-        ]
-        self._launch(module, count, arguments)
+        arguments = of_results | {
+            "q": arrays["q"],
+            "va": arrays["va"],
+            "tau": arrays["tau"],
+            kernels.WRENCHES: arrays[kernels.WRENCHES],
+            "p": self._prepared_by(module),
+            "numbers": self._numbers_of(gains),
+            "held": arrays["motor_positions"],
+            "start": arrays["impulses"],
+            "h": h,
+            "steps": steps,
+            "series": iterations,
+            # A step that continues another one may start with the violation which that one leaves.
+            "violation": FRESH if start is None else CONTINUED,
+            "status": status,
+        }
+        self._launch(module, count, arguments, warp_code.NONSMOOTH)
         return NonsmoothState(**results)
 
-    def _launch(self, module: ModuleType, count: int, arguments: list[Any]) -> None:
+    def _launch(
+        self,
+        module: ModuleType,
+        count: int,
+        arguments: Mapping[str, Any],
+        names: Iterable[str],
+    ) -> None:
+        """Launch `run` of a module for `count` samples.
+
+        `names` are those of its arguments in their order; arguments that are missing are None.
+        """
+        in_order = [arguments.get(name) for name in names]
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
-        wp.launch(module.run, count, arguments, **options)
+        wp.launch(module.run, count, in_order, **options)
+
+    def _status(self, status: Any, count: int) -> Any:
+        """The array of the user for the status of each sample, or None."""
+        if status is None:
+            return None
+        return self._array("status", status, (), count, wp.int32)
+
+    def _output(self, name: str, of_user: Any, count: int) -> Any:
+        """The array for a result: that of the user, or a new one."""
+        shape = self._shape(name)
+        if of_user is None:
+            return wp.empty((count, *shape), dtype=self.dtype, device=self.device)
+        return self._array("out", of_user, shape, count)
 
     def _require_samples(self, count: int) -> None:
         """Refuse samples that are not as many as the robots with parameters of their own."""
@@ -540,9 +581,22 @@ def _require_on_bodies(external_wrenches: Any) -> None:
         raise InputError("external_wrenches", problem)
 
 
-def _filled(arrays: list[Any], count: int) -> list[Any]:
-    """Exactly `count` arrays; missing ones are None."""
-    return arrays + [None] * (count - len(arrays))
+class _Result(NamedTuple):
+    """A result that a kernel fills."""
+
+    #: Its name, which determines its shape.
+    name: str
+    #: The array of the user, or None for a new one.
+    array: Any
+
+
+def _outputs(fields: Sequence[str], out: tuple[Any, ...] | None) -> Sequence[Any]:
+    """The array of the user for each field of a result, or None."""
+    if out is None:
+        return [None for _ in fields]
+    if len(out) != len(fields):
+        raise InputError("out", f"{len(out)} arrays, expected {', '.join(fields)}")
+    return out
 
 
 @cache

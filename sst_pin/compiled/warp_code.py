@@ -25,8 +25,7 @@ from .symbolic_parameters import SIGN_WIDTH
 _LONGEST_FIRST_STEP = 0.1
 _LARGEST_RATIO = 0.1
 
-# Arguments of the kernels and their types, in the order of the calls in `warp_batch`. Arrays that a
-# quantity does not need are None.
+# Arguments of the kernels and their types. Arrays that a quantity does not need are None.
 _PREPARE = {
     "numbers": "rows",  # the parameters
     "width": "real",  # of the sign of dry friction; negative: as in the parameters
@@ -38,7 +37,8 @@ _SAMPLES = {
     "va": "rows",
     "last": "rows",  # aa or tau
 }
-_RUN = _SAMPLES | {
+#: Arguments of `run`.
+RUN = _SAMPLES | {
     WRENCHES: "loads",
     "p": "rows",
     "out": "rows",  # for steps q
@@ -48,7 +48,7 @@ _RUN = _SAMPLES | {
     "status": "flags",
 }
 #: Arguments of `run` for nonsmooth steps.
-_NONSMOOTH = {
+NONSMOOTH = {
     "q": "rows",
     "va": "rows",
     "tau": "rows",
@@ -117,7 +117,7 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         blanks["room_of_passes"] = functions.room_of_passes
     if entry in ("close", "step"):
         blanks |= _blanks_of_closing(kernels[0], style)
-    run = _kernel("run", _RUN, functions, [c_code.filled(f"entries/warp_{entry}.h", blanks)], style)
+    run = _kernel("run", RUN, functions, [c_code.filled(f"entries/warp_{entry}.h", blanks)], style)
     return _module(kernels, functions, run, style)
 
 
@@ -130,7 +130,7 @@ def nonsmooth_module(source: StepSource, style: Style) -> str:
         *map(c_code.part, ("nonsmooth_solver.h", "nonsmooth_move.h")),
         c_code.filled("entries/warp_nonsmooth.h", blanks),
     ]
-    run = _kernel("run", _NONSMOOTH, functions, code, style)
+    run = _kernel("run", NONSMOOTH, functions, code, style)
     return _module(source.kernels, functions, run, style)
 
 

@@ -1,4 +1,4 @@
-/* Nonsmooth steps of one robot, as nonsmooth.h makes them. The arguments are those of `_NONSMOOTH` in
+/* Nonsmooth steps of one robot, as nonsmooth.h makes them. The arguments are those of `NONSMOOTH` in
  * warp_code.py. If the impulses of a step are not solved, the status is UNSOLVED, and the results are
  * the best that were reached; results of other bad samples are NaN. The arrays are local: local memory
  * of a GPU puts the same number of neighbouring threads side by side. */
