@@ -25,6 +25,23 @@ from .summaries import listed
 Wrenches = ArrayLike | Mapping[str, ArrayLike]
 
 
+class _TreeOfThread(threading.local):
+    """The normal tree of a model, and its data, which Pinocchio changes: one for each thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.tree = NormalTree(model)
+        self.data = self.tree.model.createData()
+
+
+def _finite_loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
+    """Loads, shape (..., *shape); samples that are not finite are refused or, for "nan", NaN."""
+    if on_error != "nan":
+        return finite_array(name, value, shape)
+    array = as_array(name, value, shape)
+    axes = tuple(range(-len(shape), 0))
+    return np.where(np.isfinite(array).all(axis=axes, keepdims=True), array, np.nan)
+
+
 class EngineArguments:
     """Turns arguments into arrays of the shapes of a mechanism, or refuses them.
 
@@ -40,7 +57,10 @@ class EngineArguments:
         self._platform = platform
 
     def state(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
-        """q, shape (..., nq), then the others: tau, shape (..., motors), or rates, (..., n)."""
+        """q, shape (..., nq), then the others in their order.
+
+        `tau` has shape (..., motors); all others, such as `va` and `aa`, have shape (..., n).
+        """
         mechanism = self._mechanism
         of_motion = [value for name, value in others.items() if name != "tau"]
         self._require_freedom_for(of_motion)
@@ -71,6 +91,7 @@ class EngineArguments:
             return as_array(name, value, (n,))
         except InputError as error:
             if n != mechanism.motor_count:  # a likely mistake is a number for each motor
+                # The same error with a longer message.
                 names = listed(mechanism.coordinate_rate_names)
                 error.args = (
                     f"{error.args[0]}: one for each rate of the coordinates {names}; in another "
@@ -120,8 +141,8 @@ class EngineArguments:
                 "wrenches at frames change with the pose at the mass centres, and are not possible "
                 "here; give an array of wrenches on the bodies at their mass centres",
             )
-        size = self._mechanism.model.njoints - 1
-        on_bodies = np.zeros((size, 6))
+        count = self._mechanism.model.njoints - 1
+        on_bodies = np.zeros((count, 6))
         for name, value in wrenches.items():
             body, wrench = self.at_frame(name, value, on_error)
             force = wrench[..., :3]
@@ -132,11 +153,11 @@ class EngineArguments:
             except ValueError:
                 problem = f"shape {wrench.shape} does not fit q of shape {np.shape(q)}"
                 raise InputError(f"external_wrenches[{name!r}]", problem) from None
-            on_one = np.zeros((*shifted.shape[:-1], size, 6))
-            on_one[..., body, :3] = force
-            on_one[..., body, 3:] = shifted
+            on_one_body = np.zeros((*shifted.shape[:-1], count, 6))
+            on_one_body[..., body, :3] = force
+            on_one_body[..., body, 3:] = shifted
             try:
-                on_bodies = on_bodies + on_one
+                on_bodies = on_bodies + on_one_body
             except ValueError:
                 problem = "wrenches of several frames have batches of different shapes"
                 raise InputError("external_wrenches", problem) from None
@@ -146,10 +167,14 @@ class EngineArguments:
         """Wrenches at frames, one after the other; None if wrenches are not given at frames."""
         if not isinstance(wrenches, Mapping) or not wrenches:
             return None
-        pairs = [self.at_frame(name, value, "raise") for name, value in wrenches.items()]
-        bodies = [body for body, _ in pairs]
-        values = np.broadcast_arrays(*(wrench for _, wrench in pairs))
-        return FrameWrenches(list(wrenches), bodies, np.stack(values, axis=-2))
+        bodies = []
+        values = []
+        for name, value in wrenches.items():
+            body, wrench = self.at_frame(name, value, "raise")
+            bodies.append(body)
+            values.append(wrench)
+        stacked = np.stack(np.broadcast_arrays(*values), axis=-2)
+        return FrameWrenches(frames=list(wrenches), bodies=bodies, wrenches=stacked)
 
     def at_frame(self, name: str, value: ArrayLike, on_error: str) -> tuple[int, Array]:
         """The body of a frame, from 0, and the wrench at the frame, shape (..., 6)."""
@@ -188,20 +213,3 @@ class EngineArguments:
 
         on_tree = tree.configurations(self._loops.configurations(q))
         return for_each_sample(arm, [on_tree], (1,), (3,))
-
-
-class _TreeOfThread(threading.local):
-    """The normal tree of a model, and its data, which Pinocchio changes: one for each thread."""
-
-    def __init__(self, model: pin.Model) -> None:
-        self.tree = NormalTree(model)
-        self.data = self.tree.model.createData()
-
-
-def _finite_loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
-    """Loads; samples with a number that is not finite are refused or, for "nan", NaN."""
-    if on_error != "nan":
-        return finite_array(name, value, shape)
-    array = as_array(name, value, shape)
-    axes = tuple(range(-len(shape), 0))
-    return np.where(np.isfinite(array).all(axis=axes, keepdims=True), array, np.nan)

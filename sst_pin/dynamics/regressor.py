@@ -189,7 +189,8 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     mechanism = context.mechanism
     v, v_dot = context.complement.motion(q, va, aa)
     L = context.complement.L  # at q, by `motion`
-    # A diagonal parameter of a rate, times x: its column of L^T diag(x).
+    # A parameter of rate k acts with the force parameter x_k on this rate alone, so that its column
+    # is column k of L^T diag(x). Here x are v, sign v, v_dot, and so on.
     viscous = L.T * v
     unit_friction = Friction(np.zeros(len(v)), np.ones(len(v)), mechanism.friction.sign_width)
     coulomb = L.T * -unit_friction.forces(v)
@@ -275,7 +276,7 @@ def _values(mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]) -> Arr
         return single_array("theta", theta, now.values.shape)
     values = now.values.copy()
     for name, value in theta.items():
-        now[name]  # refuses an unknown one
+        now[name]  # raises the error for an unknown name
         values[now.names.index(name)] = single_array(name, value, ())
     _warn_of_masses(now, theta)
     return values
@@ -285,15 +286,18 @@ def _spring_reference(mechanism: Mechanism, stiffness: Array, offset: Array) -> 
     """The reference of springs that also give the constant forces `offset`, shape (nq,)."""
     names = mechanism.space.rate_names
     reference = mechanism.springs.reference
-    if lost := [names[i] for i in np.flatnonzero(offset * (stiffness == 0))]:
+    without_spring = [names[k] for k in np.flatnonzero((offset != 0) & (stiffness == 0))]
+    if without_spring:
+        text = f"offset of {listed(without_spring)}: a chain has offsets only of springs with "
+        raise InputError("theta", text + "stiffness")
+    in_balls: list[str] = []
+    for joint in mechanism.model.joints:
+        if joint.shortname() == "JointModelSpherical":
+            rates = range(joint.idx_v, joint.idx_v + 3)
+            in_balls += [names[k] for k in rates if offset[k]]
+    if in_balls:
         raise InputError(
-            "theta", f"offset of {listed(lost)}: a chain has offsets only of springs with stiffness"
-        )
-    balls = [j for j in mechanism.model.joints if j.shortname() == "JointModelSpherical"]
-    turning = [k for j in balls for k in range(j.idx_v, j.idx_v + 3)]
-    if lost := [names[k] for k in turning if offset[k]]:
-        raise InputError(
-            "theta", f"offset of {listed(lost)}: in a ball it depends on where its spring is"
+            "theta", f"offset of {listed(in_balls)}: in a ball it depends on where its spring is"
         )
     if not offset.any():
         return reference

@@ -125,8 +125,10 @@ def extended(
     for closure in closures:
         joints = [joint for joint, rod in rods_of_joints.items() if rod == str(closure)]
         if joints and isinstance(closure, Distance):
-            a, b, length = closure.frame_a, closure.frame_b, closure.distance
-            result.append(ExtendedDistance(a, b, length, tuple(joints)))
+            rod = ExtendedDistance(
+                closure.frame_a, closure.frame_b, closure.distance, tuple(joints)
+            )
+            result.append(rod)
         else:
             result.append(closure)
     return tuple(result)
@@ -148,19 +150,21 @@ def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
     lengths: dict[str, Displacements] = {}
     for body, points in places.items():
         end = next(iter(points.values()))
-        size = float(np.linalg.norm(end))
-
-        def is_end(point: Array, end: Array = end, size: float = size) -> bool:
-            return bool(np.linalg.norm(point - end) <= _SAME_POINT * size)
-
         # A body whose places are at several points has no single length.
-        if not all(is_end(point) for point in points.values()):
+        if not all(_coincide(point, end) for point in points.values()):
             continue
-        frames = [frame for frame in model.frames if frame.parentJoint == body]
-        at_end = {frame.name for frame in frames if is_end(frame.placement.translation)}
-        along = np.append(end / size, np.zeros(3))
+        at_end = set[str]()
+        for frame in model.frames:
+            if frame.parentJoint == body and _coincide(frame.placement.translation, end):
+                at_end.add(frame.name)
+        along = np.append(end / float(np.linalg.norm(end)), np.zeros(3))
         lengths[model.names[body]] = dict.fromkeys([*points, *sorted(at_end)], along)
     return lengths
+
+
+def _coincide(point: Array, end: Array) -> bool:
+    """Whether a point of a link is at its end."""
+    return bool(np.linalg.norm(point - end) <= _SAME_POINT * float(np.linalg.norm(end)))
 
 
 def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
@@ -206,13 +210,37 @@ def take_placements(model: pin.Model, source: pin.Model) -> None:
         frame.placement = other.placement
 
 
+def _joint_model(model: pin.Model, resting: RestingJoint) -> Any:
+    """The joint of Pinocchio whose motion displaces a place as a joint at rest does."""
+    slide, turn = np.split(resting.direction / np.linalg.norm(resting.direction), 2)
+    if turn.any():
+        return pin.JointModelRevoluteUnaligned(turn)
+    # The direction of a slide is in axes of the body; the axis of a joint is in its own axes.
+    _, placement = place_of(model, resting.place)
+    return pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
+
+
+def _insert_before_frame(model: pin.Model, name: str, joints: Mapping[str, Any]) -> None:
+    """Insert joints, by the suffixes of their names, between a body and the frames of a name."""
+    frames = [frame for frame in model.frames if frame.name == name]
+    parent = frames[0].parentJoint
+    placement = frames[0].placement.copy()
+    for suffix, joint in joints.items():
+        parent = model.addJoint(parent, joint, placement, name + suffix)
+        placement = pin.SE3.Identity()
+    for frame in frames:
+        frame.parentJoint = parent
+        frame.placement = placement
+
+
 def enlarged(
     model: pin.Model, joints_at_rest: Iterable[RestingJoint], slides: Iterable[str] = ()
 ) -> pin.Model:
     """The tree with additional joints at the places, which stay at zero.
 
-    They are in series between a body and the place. The derivative by a displacement of the place
-    equals the derivative by the position of such a joint. The result has no named configurations.
+    They are in series between a body and the place: before the joint that is the place, or between
+    the body and the frame that is the place. The derivative by a displacement of the place equals
+    the derivative by the position of such a joint. The result has no named configurations.
 
     Args:
         model: The tree.
@@ -221,37 +249,21 @@ def enlarged(
     """
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
-    # The joints at each place, by the ends of their names.
-    joints: dict[str, dict[str, Any]] = defaultdict(dict)
+    # The joints at each place, by what their names have after the name of the place.
+    joints_at: dict[str, dict[str, Any]] = defaultdict(dict)
     for resting in joints_at_rest:
-        place = resting.place
-        slide, turn = np.split(resting.direction / np.linalg.norm(resting.direction), 2)
-        if turn.any():
-            joint = pin.JointModelRevoluteUnaligned(turn)
-        else:
-            # The direction of a slide is in axes of the body; the axis of a joint is in axes of
-            # the joint.
-            _, placement = place_of(model, place)
-            joint = pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
-        joints[place][resting.name.removeprefix(place)] = joint
-    # Before a joint, the joints at rest are in series with it.
-    changes = {
-        j: Series([*Series.named(joints.pop(name)).parts, *Series.whole(model.joints[j]).parts])
-        for j, name in enumerate(model.names)
-        if name in joints
-    }
+        suffix = resting.name.removeprefix(resting.place)
+        joints_at[resting.place][suffix] = _joint_model(model, resting)
+
+    changes: dict[int, Series] = {}
+    for j, name in enumerate(model.names):
+        if name in joints_at:
+            series = Series.named(joints_at[name])
+            changes[j] = Series([*series.parts, *Series.whole(model.joints[j]).parts])
     large = rebuilt(model, changes)
-    # Before a frame, they are joints of their own, and the frame moves with the last of them.
-    for place, series in joints.items():
-        frames = [frame for frame in large.frames if frame.name == place]
-        parent = frames[0].parentJoint
-        placement = frames[0].placement.copy()
-        for suffix, joint in series.items():
-            parent = large.addJoint(parent, joint, placement, place + suffix)
-            placement = pin.SE3.Identity()
-        for frame in frames:
-            frame.parentJoint = parent
-            frame.placement = placement
+    for place, joints in joints_at.items():
+        if place not in model.names:
+            _insert_before_frame(large, place, joints)
     for name in slides:
         large.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
     for pose in list(large.referenceConfigurations):

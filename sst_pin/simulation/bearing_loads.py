@@ -159,17 +159,39 @@ def loads(
 def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determined: bool) -> Load:
     """A row of the table, for vectors of shape (N, 3)."""
     known = np.asarray(np.isfinite(vectors).all(axis=0))
-    components = "".join(axis for axis, here in zip("xyz", known.tolist(), strict=True) if here)
+    components = "".join(axis for axis, is_known in zip("xyz", known, strict=True) if is_known)
     if not components:
         nan = float("nan")
-        return Load(name, kind, nan, nan, nan, nan, nan, nan, determined, components)
+        return Load(
+            name=name,
+            kind=kind,
+            peak=nan,
+            time=nan,
+            x=nan,
+            y=nan,
+            z=nan,
+            rms=nan,
+            determined=determined,
+            components="",
+        )
     sizes = np.linalg.norm(vectors[:, known], axis=1)
     peak = float(sizes.max())
     at = int(np.argmax(sizes >= (1 - _ROUNDING) * peak))  # first of equal peaks
     rms = float(np.sqrt(np.average(sizes**2, weights=weights)))
     direction = vectors[at] / peak if peak > 0 else vectors[at]
     x, y, z = np.where(known, direction, np.nan).tolist()
-    return Load(name, kind, peak, float(t[at]), x, y, z, rms, determined, components)
+    return Load(
+        name=name,
+        kind=kind,
+        peak=peak,
+        time=float(t[at]),
+        x=x,
+        y=y,
+        z=z,
+        rms=rms,
+        determined=determined,
+        components=components,
+    )
 
 
 def _without_noise(wrenches: Array, length: float) -> Array:

@@ -102,19 +102,21 @@ def coordinate_positions(mechanism: Mechanism, q: Array) -> Array:
 def positions_along(mechanism: Mechanism, motion: Trajectory) -> Array:
     """Positions of the coordinates along a motion, (N, n), unwrapped to agree with its rates."""
     x = positions_of(mechanism.space, motion.q, mechanism.coordinate_names)
-    # Full turns between two samples are what the rates (trapezoidal rule) say more than the angles.
-    steps_of_rates = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
-    turns = np.round((steps_of_rates - np.diff(x, axis=0)) / (2 * np.pi))
-    turns[:, [unit != "rad" for unit in mechanism.coordinate_rate_units]] = 0
+    # Between two samples, the integral of the rates (trapezoidal rule) and the difference of the
+    # angles differ by full turns.
+    integrals = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
+    turns = np.round((integrals - np.diff(x, axis=0)) / (2 * np.pi))
+    is_length = [unit != "rad" for unit in mechanism.coordinate_rate_units]
+    turns[:, is_length] = 0
     x[1:] += 2 * np.pi * np.cumsum(turns, axis=0)
     return x
 
 
 def without_full_turns(mechanism: Mechanism, x: Array) -> Array:
     """Positions x of the coordinates, (N, n), with the angles of unbounded joints unwrapped."""
-    # In q an unbounded joint has a cosine and a sine, which do not have its name.
-    in_q = mechanism.space.position_names
-    unbounded = [name not in in_q for name in mechanism.coordinate_names]
+    # The entries of an unbounded joint in q, a cosine and a sine, do not have its name.
+    entries = mechanism.space.position_names
+    unbounded = [name not in entries for name in mechanism.coordinate_names]
     return np.where(unbounded, np.unwrap(x, axis=0), x)
 
 

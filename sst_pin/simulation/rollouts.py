@@ -47,10 +47,10 @@ def rollout(engine: Engine, arguments: RolloutArguments, sign_width: float) -> R
     """The states that `ClosedChain.rollout` returns, for the same arguments."""
     positive_number("sign_width", sign_width, or_zero=True)
     mechanism = engine.mechanism
-    rows = arguments.tau.shape[-2]
-    steps = rows if arguments.steps is None else arguments.steps
-    if rows not in (steps, 2 * steps + 1):
-        raise InputError("tau", f"{rows} torques for {steps} steps: N or 2 N + 1 are needed")
+    torques = arguments.tau.shape[-2]
+    steps = torques if arguments.steps is None else arguments.steps
+    if torques not in (steps, 2 * steps + 1):
+        raise InputError("tau", f"{torques} torques for {steps} steps: N or 2 N + 1 are needed")
     samples = arguments.samples()
     count = math.prod(samples.batch)
     load = None
@@ -69,7 +69,7 @@ def rollout(engine: Engine, arguments: RolloutArguments, sign_width: float) -> R
     wrenches_at = arguments.wrenches_at(engine, samples)
     takes_long = count * steps >= _MANY
     with announced(f"rollout of {count} motions") if takes_long else nullcontext():
-        valid = space.rollout(motions, arguments.threads, wrenches_at)
+        valid = space.rollout(motions, arguments.threads, wrenches_at)  # fills motions.q and .va
     stopped = np.flatnonzero(valid <= steps).tolist()
     if stopped and arguments.raises:
         first = stopped[0]
