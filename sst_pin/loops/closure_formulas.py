@@ -135,18 +135,19 @@ class SamePlacement:
     def W(self, pair: FramePair) -> Array:
         W_B = translation(pair.B[..., :3, 3])
         W_A = translation(pair.A[..., :3, 3])
-        return self._both(W_B, W_A)
+        return np.concatenate([W_B[..., self._held, :], -W_A[..., self._held, :]], axis=-1)
 
     def W_dot(self, pair: FramePair, W: Array, t_B: Array, t_A: Array) -> Array:
-        B_dot = hat(t_B) @ pair.B
-        A_dot = hat(t_A) @ pair.A
-        W_B_dot = translation_rate(B_dot[..., :3, 3])
-        W_A_dot = translation_rate(A_dot[..., :3, 3])
-        return self._both(W_B_dot, W_A_dot)
-
-    def _both(self, W_B: Array, W_A: Array) -> Array:
-        """[W_B, -W_A] of the rows that are held."""
-        return np.concatenate([W_B[..., self._held, :], -W_A[..., self._held, :]], axis=-1)
+        if not self._origin:
+            return np.zeros_like(W)  # moments about the axes of the world
+        # The first three rows of W_B t_B are the velocity of p_B, those of -W_A t_A that of -p_A.
+        p_B_dot = (W[..., :3, :6] @ t_B[..., None])[..., 0]
+        minus_p_A_dot = (W[..., :3, 6:] @ t_A[..., None])[..., 0]
+        W_B_dot = translation_rate(p_B_dot)
+        minus_W_A_dot = translation_rate(minus_p_A_dot)
+        return np.concatenate(
+            [W_B_dot[..., self._held, :], minus_W_A_dot[..., self._held, :]], axis=-1
+        )
 
 
 # --- in the axes of frame A ---------------------------------------------------------------------
@@ -203,8 +204,9 @@ class HeldMotions(RelativeFormulas):
       both other axes x of A stay at right angles to axis y of B: f = -R_xy or R_xy, such that the
       row is the turn about the positive axis i.
 
-    The wrench of a row has a component for each unit twist e_c. It is the rate of f for this twist:
-    the entry of G_c X, as X has the rate hat(e_c) X = G_c X.
+    The wrench of a row has a component for each unit twist e_c. It is the rate of f for this twist.
+    As X has the rate hat(e_c) X = G_c X, the rate of entry (i, j) is row i of G_c times column j of
+    X.
     """
 
     def __init__(self, slides: Sequence[int], turns: Sequence[int]) -> None:
@@ -233,6 +235,9 @@ class HeldMotions(RelativeFormulas):
         self._X_columns = np.array(X_columns)
         self._signs = np.array(signs)
         self.rows = len(signs)
+        G_rows = _GENERATORS[:, self._X_rows].swapaxes(0, 1)
+        #: For each row of the closure row i of all G_c, times the sign, shape (rows, 6, 4).
+        self._G = self._signs[:, None, None] * G_rows
 
     def f(self, X: Array) -> Array:
         f: Array = self._signs * X[self._X_rows, self._X_columns]
@@ -242,9 +247,8 @@ class HeldMotions(RelativeFormulas):
         return f
 
     def w(self, X: Array) -> Array:
-        GX = _GENERATORS @ X[..., None, :, :]  # shape (..., 6, 4, 4)
-        rates_of_entries = GX[..., self._X_rows, self._X_columns]  # shape (..., 6, rows)
-        return np.asarray(self._signs[:, None] * rates_of_entries.swapaxes(-1, -2))
+        columns = X[..., self._X_columns].swapaxes(-1, -2)  # shape (..., rows, 4)
+        return (self._G @ columns[..., None])[..., 0]
 
     def w_dot(self, X: Array, X_dot: Array) -> Array:
         return self.w(X_dot)  # w is linear in X
