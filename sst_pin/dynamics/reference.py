@@ -256,7 +256,7 @@ class Reference(threading.local):
         Phi_dot = loops.Phi_dot(v)
         L_dot = complement.L_dot(Phi_dot)
         complement.require_accelerations(v, L_dot.dot(va), Phi_dot.dot(v))
-        return loops.frame_jacobian_rate(frame).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
+        return loops.frame_jacobian_rate(frame, v).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
 
     @_finite
     def frame_velocity_derivatives(self, q: Array, va: Array, frame: int) -> Array:

@@ -7,9 +7,10 @@ in the twists t_B and t_A of the frames:
 
     df/dt = W_B t_B - W_A t_A = W [t_B; t_A],    W = [W_B, -W_A].
 
-Each row of W_B, shape (rows, 6), is the unit wrench that the closure can exert on B there; -W_A are
-the reactions on A. Twists t = [v; omega] and wrenches [force; moment] have the axes and the origin
-of the world: v is the velocity of the point of the body that is at the world's origin.
+Row r of W_B, shape (rows, 6), is a wrench: what the closure exerts on B if its multiplier r is one.
+Row r of -W_A is the reaction on A. Twists t = [v; omega] and wrenches [force; moment] have the axes
+and the origin of the world: v is the velocity of the point of the body that is at the world's
+origin.
 
 The classes below are the kinds, one after the other. Each computes
 
@@ -90,7 +91,7 @@ class Formulas(Protocol):
         """[W_B, -W_A], shape (..., rows, 12)."""
 
     def W_dot(self, pair: FramePair, W: Array, t_B: Array, t_A: Array) -> Array:
-        """The rate of W at twists of shape (..., 6); W is that of the pair."""
+        """The rate of W, shape (..., rows, 12), at twists of shape (..., 6); W is `W(pair)`."""
 
 
 # --- in the axes of the world -------------------------------------------------------------------
@@ -110,6 +111,9 @@ class SamePlacement:
     The first three rows are exact. The other three are exact where the orientations are equal.
     Elsewhere the rate of the logarithm differs from the angular velocity, and W gives a good
     direction for Newton's method.
+
+    These errors do not turn with A. So Newton's method closes open loops on the same way as
+    kernels do, which have the rows in the axes of another body.
     """
 
     def __init__(self, origin: bool, orientation: bool) -> None:
@@ -186,7 +190,7 @@ class RelativeFormulas(ABC):
         t = (pair.Ad @ (t_B - t_A)[..., None])[..., 0]
         w_dot = self.w_dot(pair.X, hat(t) @ pair.X)
         W_B = W[..., :6]
-        # As A moves with the twist t_A, Ad has the rate -Ad [t_A x].
+        # W_B = w Ad. As A moves with the twist t_A, Ad has the rate -Ad [t_A x].
         W_B_dot = w_dot @ pair.Ad - W_B @ bracket_matrix(t_A)
         return np.concatenate([W_B_dot, -W_B_dot], axis=-1)
 

@@ -118,7 +118,7 @@ class Loops:
         return self._Phi
 
     def Phi_dot(self, v: Array) -> Array:
-        """Rate of Phi at rates v, shape (rows, nv); sets the rates of `frame_jacobian_rate` too.
+        """Rate of Phi at rates v, shape (rows, nv).
 
         The rows of two frames are W_dot [J_B; J_A] + W [J_dot_B; J_dot_A].
         """
@@ -155,7 +155,10 @@ class Loops:
         return drift
 
     def _jacobian_rate(self, rates: Array) -> Array:
-        """The rate of J at rates of the normal tree, shape (6, rates)."""
+        """The rate of J at rates of the normal tree, shape (6, rates).
+
+        Pinocchio keeps it in `data`, for other functions that need it.
+        """
         pin.computeJointJacobiansTimeVariation(self.tree.model, self.data, self.q, rates)
         return np.array(self.data.dJ).reshape(6, -1)
 
@@ -206,13 +209,16 @@ class Loops:
 
     def frame_jacobian(self, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, nv)."""
-        where = self.tree.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED
-        return pin.getFrameJacobian(*where).reshape(6, -1).dot(self.tree.S)
+        J = pin.getFrameJacobian(self.tree.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return J.reshape(6, -1).dot(self.tree.S)
 
-    def frame_jacobian_rate(self, frame: int) -> Array:
-        """Rate of `frame_jacobian`, shape (6, nv), at the rates of `Phi_dot`."""
-        where = self.tree.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED
-        return pin.getFrameJacobianTimeVariation(*where).reshape(6, -1).dot(self.tree.S)
+    def frame_jacobian_rate(self, frame: int, v: Array) -> Array:
+        """Rate of `frame_jacobian` at rates v, shape (6, nv)."""
+        self._jacobian_rate(self.tree.S.dot(v))  # sets the rates in `data`
+        J_dot = pin.getFrameJacobianTimeVariation(
+            self.tree.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED
+        )
+        return J_dot.reshape(6, -1).dot(self.tree.S)
 
     def forces_on_bodies(self, Lambda: Array) -> Array:
         """[force; moment] at the world's origin that closures give to bodies.
