@@ -82,7 +82,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Correction:
-    """A robot in which a part closes.
+    """What corrects one part: a robot in which it closes.
 
     Attributes:
         robot: The robot with displaced placements.
@@ -119,19 +119,21 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         if not suspects:
             return mechanism
         poses += [original.closest(start, rates, width) for width in _POSES[_LOOKS:]]
-        return _corrected(original, suspects, [start, *poses])
+        return _corrected(original, suspects, start, poses)
 
 
-def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array]) -> Mechanism:
+def _corrected(
+    original: "_Robot", parts: Sequence[_Part], start: Array, poses: Sequence[Array]
+) -> Mechanism:
     """The mechanism with these parts corrected, one after the other, where that is justified.
 
-    The start is the first of the poses.
+    The poses are those around the start.
     """
     corrected = original
     errors_before = np.zeros(len(original.loops.f))  # for the warning
     for part in parts:
-        original.require_closing(poses, part)
-        correction = _justified_correction(original, corrected, part, poses)
+        original.require_closing([start, *poses], part)
+        correction = _justified_correction(original, corrected, part, start, poses)
         if correction is None:
             continue
         corrected = correction.robot
@@ -144,14 +146,14 @@ def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array
 
 
 def _justified_correction(
-    original: "_Robot", corrected: "_Robot", part: _Part, poses: Sequence[Array]
+    original: "_Robot", corrected: "_Robot", part: _Part, start: Array, poses: Sequence[Array]
 ) -> _Correction | None:
     """A correction of one part of `corrected`, which has the placements of the parts before.
 
     There is none if the part closes as it is, if no small displacement makes it close, or if it is
     not justified.
     """
-    closed = [q for q in poses if original.gap(q, part) <= ROUNDED_PLACEMENTS]
+    closed = [q for q in [start, *poses] if original.gap(q, part) <= ROUNDED_PLACEMENTS]
     rank = _rank_of_overconstrained(original, part, closed)
     if rank is None:
         return None  # its rank is not clear, or its rows are independent
@@ -160,10 +162,10 @@ def _justified_correction(
     closes_mostly = np.median([original.gap(q, part) for q in fitting]) == 0
     if closes_mostly:
         return None
-    correction = _find_correction(corrected, part, rank, poses[0], fitting)
+    correction = _find_correction(corrected, part, rank, start, fitting)
     if correction is None:
         return None  # no small displacement makes it close
-    if not _is_justified(correction, original, part, poses[0]):
+    if not _is_justified(correction, original, part, start):
         return None
     return correction
 
@@ -222,9 +224,11 @@ def _find_correction(
 
 
 class _Robot:
-    """Poses of a mechanism whose loops are closed as far as rounding allows.
+    """A mechanism, with its poses in which the loops are closed as far as rounding allows.
 
     Attributes:
+        mechanism: The mechanism.
+        loops: Its loops.
         parts: Loops that share no row and no rate.
     """
 
