@@ -51,7 +51,7 @@ class ClosedLoops:
     # --- at configurations ------------------------------------------------------------------
 
     def at(self, q: ArrayLike) -> Loops:
-        """This thread's loops, evaluated at one configuration, until they are at another one."""
+        """This thread's loops, evaluated at one configuration; the next call moves them on."""
         array = self.single(q)
         loops = self.assembly.loops
         loops.evaluate(array)
@@ -72,32 +72,36 @@ class ClosedLoops:
         index = frame_id(self.mechanism.model, frame)
         scale = self.mechanism.row_scale
 
-        def one(q: Array) -> Array:
+        def of_sample(q: Array) -> Array:
             loops = self.at(q)
             loops.require_closed(scale)
             return np.asarray(loops.data.oMf[index].homogeneous)
 
-        return for_each_sample(one, [self.configurations(q)], (1,), (4, 4))
+        return for_each_sample(of_sample, [self.configurations(q)], (1,), (4, 4))
 
     def condition_numbers(self, q: Array) -> Array:
         """Condition numbers of the dependent part of Phi, shape (...)."""
         mechanism = self.mechanism
         loops = self.assembly.loops
-        parts = loops.parts(mechanism.coordinates)  # independent parts of the loops
+        parts = loops.parts(mechanism.coordinates)  # which share no row and no dependent rate
 
-        def one(q: Array) -> Array:
+        def of_sample(q: Array) -> Array:
             Phi = scaled_Phi(mechanism, loops, self.single(q))
             return np.asarray(condition_number(mechanism, Phi, parts))
 
-        return for_each_sample(one, [q], (1,), ())
+        return for_each_sample(of_sample, [q], (1,), ())
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom and motors; see `ClosedChain.mobility`."""
-        where = "a random assembled configuration" if q is None else "the configuration given"
-        at = self.example() if q is None else self.single(q)
-        self.at(at).require_closed(self.mechanism.row_scale)
-        motions = finite_motions(self.assembly, at)
-        return judge(self.mechanism, self.assembly.loops, at, where, motions)
+        if q is None:
+            configuration = self.example()
+            where = "a random assembled configuration"
+        else:
+            configuration = self.single(q)
+            where = "the configuration given"
+        self.at(configuration).require_closed(self.mechanism.row_scale)
+        motions = finite_motions(self.assembly, configuration)
+        return judge(self.mechanism, self.assembly.loops, configuration, where, motions)
 
     # --- closed configurations --------------------------------------------------------------
 

@@ -38,7 +38,7 @@ def choose_coordinates(
         if not Phi[:, rates_of_joint].any():
             choice.add(rates_of_joint)
     while not choice.complete:
-        best = min(choice.best, key=lambda rate: space.rate_names[rate])
+        best = min(choice.equally_best, key=lambda rate: space.rate_names[rate])
         if not choice.add([best]):
             break  # no rate is independent enough: there are fewer rates than motions
     return np.array(choice.rates, dtype=np.intp)
@@ -56,9 +56,10 @@ class _Choice:
 
     def __init__(self, motions: Array) -> None:
         self.rates = list[int]()
-        #: Row k is the gradient of rate k by the amounts x of the motions, v = motions @ x, without
-        #: its projections on the gradients of the chosen rates.
+        #: As v = motions @ x, row k of the motions is the gradient of rate k by x. The projections
+        #: on the gradients of the rates that are chosen are subtracted.
         self._gradients = motions
+        #: Sizes of the gradients before that.
         self._sizes = np.linalg.norm(motions, axis=1)
 
     @property
@@ -67,8 +68,8 @@ class _Choice:
         return len(self.rates) == self._gradients.shape[1]
 
     @property
-    def best(self) -> list[int]:
-        """The rates with the largest independent parts, equally good."""
+    def equally_best(self) -> list[int]:
+        """The rates with the largest independent parts; several if their parts are equal."""
         sizes = np.linalg.norm(self._gradients, axis=1)
         best: list[int] = np.flatnonzero(sizes > (1 - _EQUAL) * sizes.max()).tolist()
         return best
@@ -82,7 +83,7 @@ class _Choice:
         for rate in rates:
             size = float(np.linalg.norm(gradients[rate]))
             if self._sizes[rate] < RESTS or size < INDEPENDENT * self._sizes[rate]:
-                return False  # it rests, or moves with those already chosen
+                return False  # it is always zero, or follows from those already chosen
             direction = gradients[rate] / size
             gradients = gradients - np.outer(gradients @ direction, direction)
         self._gradients = gradients

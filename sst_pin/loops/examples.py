@@ -40,6 +40,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
         yield q
     if not any_example:
         nearest = min(failures, key=lambda error: error.residual)
+        # Another cure replaces that of the error, which stands after the semicolon.
         open_by, _, _ = nearest.args[0].partition(";")
         raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
 
@@ -47,7 +48,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
 def _assembled(
     assembly: Assembly, start: Array, widths: Iterable[float], failures: list[ClosureError]
 ) -> Iterator[Array]:
-    """Configurations assembled from random displacements of a start; `failures` gets errors."""
+    """Configurations assembled from random displacements of a start; adds errors to `failures`."""
     mechanism = assembly.mechanism
     for width in widths:
         guess = pin.integrate(mechanism.model, start, displacement(mechanism, width))

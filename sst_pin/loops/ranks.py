@@ -56,23 +56,27 @@ def condition_number(
     It is the largest of the condition numbers of `parts`, which share no rows and no rates, so
     loops of different sizes do not make it larger.
     """
-    return largest_condition(
-        (Phi[np.ix_(*part)][None], np.array([mechanism.usual_size(*part)])) for part in parts
-    )
+    blocks = list[tuple[Array, Array]]()
+    for rows, rates in parts:
+        block = Phi[np.ix_(rows, rates)]
+        blocks.append((block[None], np.array([mechanism.usual_size(rows, rates)])))
+    return largest_condition(blocks)
 
 
 def largest_condition(blocks: Iterable[tuple[Array, Array]]) -> float:
     """The largest condition number of matrices, in arrays of shape (count, rows, rates).
 
-    Each array comes with the usual sizes of its matrices, shape (count,). They replace smaller
-    norms.
+    Each array comes with the usual sizes of its matrices, shape (count,). Where the largest
+    singular value of a matrix is smaller than its usual size, the usual size counts instead.
     """
     worst = 1.0
-    for block, sizes in blocks:
-        if not np.isfinite(block).all():
+    for matrices, usual_sizes in blocks:
+        if not np.isfinite(matrices).all():
             return np.inf
-        s = np.linalg.svd(block, compute_uv=False)
-        if s.shape[1] < block.shape[2] or not s[:, -1].all():
+        s = np.linalg.svd(matrices, compute_uv=False)
+        has_full_rank = s.shape[1] == matrices.shape[2] and s[:, -1].all()
+        if not has_full_rank:
             return np.inf
-        worst = max(worst, float((np.maximum(s[:, 0], sizes) / s[:, -1]).max()))
+        conditions = np.maximum(s[:, 0], usual_sizes) / s[:, -1]
+        worst = max(worst, float(conditions.max()))
     return worst
