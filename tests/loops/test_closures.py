@@ -268,3 +268,27 @@ def test_a_constraint_of_pinocchio_says_what_to_write(contact, kind):
     chain = ClosedChain(model, [Closure("a", "b", "3d")], robot.motor_names)
     q = robot.home + 0.1
     assert np.array_equal(chain.residual(q), robot.residual(q))
+
+
+@pytest.mark.parametrize("kind", ["3d", "6d"])
+def test_errors_of_coincident_origins_do_not_turn_with_frame_A(kind):
+    """In open loops too: so Newton's method closes them on the way that kernels take."""
+    random = np.random.default_rng(5)
+    turned = pin.SE3(pin.exp3(random.normal(size=3)), np.zeros(3))
+    model = pin.Model()
+    for name, parent in (("a", 0), ("b", 0), ("c", 2)):
+        place = pin.SE3(pin.exp3(random.normal(size=3)), random.normal(size=3))
+        joint = model.addJoint(parent, pin.JointModelSpherical(), place, name)
+        model.addFrame(pin.Frame(name, joint, place, pin.OP_FRAME))
+    model.addFrame(pin.Frame("a turned", 1, model.frames[1].placement * turned, pin.OP_FRAME))
+    q = random_q(model, random)
+    v = random.normal(size=model.nv)
+    loops = at(Loops(model, [Closure("a", "c", kind)]), q)
+    loops_of_turned = at(Loops(model, [Closure("a turned", "c", kind)]), q)
+    assert np.abs(loops.f[:3]).max() > 0.1
+    for x, y in (
+        (loops.f, loops_of_turned.f),
+        (loops.Phi, loops_of_turned.Phi),
+        (loops.Phi_dot(v), loops_of_turned.Phi_dot(v)),
+    ):
+        assert_allclose(x[:3], y[:3], rtol=0, atol=1e-14)
