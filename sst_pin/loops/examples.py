@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Closed configurations without symmetry, from which ranks are judged."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ from .guesses import displacement, home_of
 #: Widths of the random displacements from home, [rad] or lengths of the loop.
 AROUND_HOME = (0.1, 0.03, 0.01)
 #: Widths of the random displacements from `pin.neutral`, [rad] or lengths of the loop.
-_AROUND_NEUTRAL = np.linspace(0.1, 2.0, 20)
+_AROUND_NEUTRAL = np.linspace(0.1, 2.0, 20).tolist()
 #: The cure if no guess can be assembled.
 _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
 
@@ -26,27 +26,27 @@ def examples(assembly: Assembly) -> Iterator[Array]:
     error is that of the best guess.
     """
     mechanism = assembly.mechanism
-    home, neutral = home_of(mechanism), pin.neutral(mechanism.model)
-    failures = list[ClosureError]()
-    any_example = False
+    home = home_of(mechanism)
+    starts: list[tuple[Array, Sequence[float]]] = []
     if home is not None:
-        for q in _assembled(assembly, home, AROUND_HOME, failures):
+        starts.append((home, AROUND_HOME))
+    starts.append((pin.neutral(mechanism.model), _AROUND_NEUTRAL))
+    failures = list[ClosureError]()
+    for start, widths in starts:
+        any_example = False
+        for q in _assembled(assembly, start, widths, failures):
             any_example = True
             yield q
-    if any_example:
-        return
-    for q in _assembled(assembly, neutral, _AROUND_NEUTRAL, failures):
-        any_example = True
-        yield q
-    if not any_example:
-        nearest = min(failures, key=lambda error: error.residual)
-        # Another cure replaces that of the error, which stands after the semicolon.
-        open_by, _, _ = nearest.args[0].partition(";")
-        raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
+        if any_example:
+            return
+    nearest = min(failures, key=lambda error: error.residual)
+    # Another cure replaces that of the error, which stands after the semicolon.
+    open_by, _, _ = nearest.args[0].partition(";")
+    raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
 
 
 def _assembled(
-    assembly: Assembly, start: Array, widths: Iterable[float], failures: list[ClosureError]
+    assembly: Assembly, start: Array, widths: Sequence[float], failures: list[ClosureError]
 ) -> Iterator[Array]:
     """Configurations assembled from random displacements of a start; adds errors to `failures`."""
     mechanism = assembly.mechanism

@@ -67,7 +67,7 @@ class NormalTree:
         Each entry is linear in one entry of q: factors * q[entries] + offsets. Factors and offsets
         of mimic joints differ from 1 and 0.
         """
-        return np.asarray(self.factors * q[..., self.entries] + self.offsets)
+        return np.asarray(self.factors * q.take(self.entries, axis=-1) + self.offsets)
 
     @cached_property
     def supports(self) -> Flags:
