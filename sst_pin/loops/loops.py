@@ -241,11 +241,12 @@ def connected(touched: Flags) -> Iterator[tuple[Indices, Indices]]:
     `touched` says which rates a row depends on, shape (rows, rates). Gives the indices of the rows
     and of the rates of each part.
     """
-    # The label of each rate's part is the index of one rate in it.
+    # Each rate is a part of its own at first. The label of a part is the index of one of its rates.
     labels = np.arange(touched.shape[1])
     for row in touched:
-        connected_labels = np.unique(labels[row])
-        labels[np.isin(labels, connected_labels[1:])] = connected_labels[:1]
+        labels_of_row = np.unique(labels[row])
+        if len(labels_of_row) > 1:  # the row connects these parts
+            labels[np.isin(labels, labels_of_row)] = labels_of_row[0]
     for label in np.unique(labels):
         in_part = labels == label
         yield np.flatnonzero(touched[:, in_part].any(axis=1)), np.flatnonzero(in_part)
