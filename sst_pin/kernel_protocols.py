@@ -50,5 +50,8 @@ class Kernels(Protocol):
     def state_space(self, friction: Friction) -> StateSpace:
         """The state space with this friction instead of the mechanism's."""
 
-    def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> Any:
-        """Steps with stops, friction and contacts; None if they cannot be compiled."""
+    def nonsmooth(self, rows: NonsmoothRows, loaded: bool, many: bool) -> Any:
+        """Steps with stops, friction and contacts; None if they cannot be compiled.
+
+        They are compiled for one motion, or for several at once.
+        """

@@ -158,7 +158,8 @@ class CompiledBackend:
         self._sources: dict[Quantity, list[str]] = {}
         #: Why there is no kernel of a quantity.
         self._why: dict[Quantity, str] = {}
-        self._nonsmooth: dict[bool, NonsmoothCode | None] = {}
+        #: Nonsmooth steps by whether they are loaded, and for many motions.
+        self._nonsmooth: dict[tuple[bool, bool], NonsmoothCode | None] = {}
         self._lock = threading.RLock()
         self._stopped = False  # whether `make` failed: other threads then stop
 
@@ -249,24 +250,24 @@ class CompiledBackend:
             rollout=partial(self._rollout, friction),
         )
 
-    def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> NonsmoothCode | None:
+    def nonsmooth(self, rows: NonsmoothRows, loaded: bool, many: bool) -> NonsmoothCode | None:
         """Compiled steps with stops, friction and contacts; None if they cannot be compiled."""
-        if loaded not in self._nonsmooth:
+        if (loaded, many) not in self._nonsmooth:
             try:
                 if problem := impossible(self._mechanism, "accelerations"):
                     raise CompilationError(problem)
                 best = self._binding.INSTRUCTIONS
-                self._nonsmooth[loaded] = NonsmoothCode(
+                target = best if many else SINGLE[best]
+                self._nonsmooth[loaded, many] = NonsmoothCode(
                     self._mechanism,
                     self._parameters,
-                    self._nonsmooth_code(rows, loaded, SINGLE[best]),
-                    self._nonsmooth_code(rows, loaded, best),
-                    TARGETS[best].lanes,
+                    self._nonsmooth_code(rows, loaded, target),
+                    TARGETS[target].lanes,
                 )
             except SSTError as error:
-                self._nonsmooth[loaded] = None
+                self._nonsmooth[loaded, many] = None
                 self._why[Quantity("rollout", loaded=loaded)] = str(error)
-        return self._nonsmooth[loaded]
+        return self._nonsmooth[loaded, many]
 
     def _nonsmooth_code(self, rows: NonsmoothRows, loaded: bool, target: str) -> Code:
         """Code from the cache, or compiled now."""

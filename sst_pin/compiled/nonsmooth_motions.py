@@ -26,30 +26,17 @@ LEAST_DETERMINANT = 0.2
 _MOST_THREADS = 64
 
 
-class _Prepared(NamedTuple):
-    """Code with the array p of one robot."""
-
-    code: Code
-    p: Array
-
-
 class NonsmoothCode:
-    """Compiled steps of one mechanism, for single motions and for several at once."""
+    """Compiled steps of one mechanism, for `lanes` motions at once."""
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        parameters: SymbolicParameters,
-        single: Code,
-        batch: Code,
-        lanes: int,
+        self, mechanism: Mechanism, parameters: SymbolicParameters, code: Code, lanes: int
     ) -> None:
+        self._code = code
         self._lanes = lanes
-        p = parameters.pack(mechanism, mechanism.friction)
-        self._single = _Prepared(single, single.prepared(p))
-        self._batch = _Prepared(batch, batch.prepared(p))
         self._parameters = parameters
-        self._p = p  # in the order of `parameters`
+        self._p = parameters.pack(mechanism, mechanism.friction)  # in the order of `parameters`
+        self._prepared = code.prepared(self._p)
 
     def run(self, rows: NonsmoothRows, motions: NonsmoothArrays, threads: int) -> Indices:
         """Fill motions as far as their steps are sound; the numbers of steps, shape (N,)."""
@@ -71,7 +58,6 @@ class NonsmoothCode:
     def _run(self, numbers: Array, motions: NonsmoothArrays, reached: Indices) -> None:
         """Call `run` of entries/nonsmooth.c; `reached` gets the numbers of steps."""
         count, steps = motions.residual.shape
-        code, p = self._single if count == 1 else self._batch
         pointers: list[Array | Indices | None] = [
             motions.tau,
             motions.positions,
@@ -91,9 +77,9 @@ class NonsmoothCode:
             ctypes.c_ssize_t,  # steps
             ctypes.c_ssize_t,  # count
             *[ctypes.c_void_p for _ in pointers],
-        )(code.address("run"))
+        )(self._code.address("run"))
         function(
-            p.ctypes.data,
+            self._prepared.ctypes.data,
             numbers.ctypes.data,
             motions.dt,
             steps,

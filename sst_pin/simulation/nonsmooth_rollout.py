@@ -187,7 +187,9 @@ class _Motions:
         self._reference = NonsmoothReference(engine, rows)
         self._code = None
         if engine.kernels is not None and wrenches_at is None:  # kernels take constant loads only
-            self._code = engine.kernels.nonsmooth(rows, arrays.load is not None)
+            self._code = engine.kernels.nonsmooth(
+                rows, arrays.load is not None, many=len(arrays.q) > 1
+            )
         self.steps_made = np.zeros(len(arrays.q), dtype=np.intp)
         self.errors = dict[int, SSTError]()
         self.cannot_start = set[int]()
