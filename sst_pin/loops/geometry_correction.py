@@ -11,10 +11,14 @@ poses at once, home among them. Gauss-Newton's method finds the shortest d. The 
 the loops are closed by least squares: there the singular values of the mechanism are orders larger
 than those from rounding.
 
-Axes may be almost parallel on purpose. So a loop that can move as it is, is corrected only if the
-rounding of its numbers, or the gap in its home, explains the displacements. A loop that closes
-exactly, with numbers that are not rounded, is never corrected; nor is one that moves as it is, and
-whose home is stored with all digits, so that it closes there to the rounding of floats.
+Axes may be almost parallel on purpose. So a correction is kept only where the errors of the
+original are rounding. `_is_justified` refuses it
+
+- if the original is far from closed where the corrected loop closes: that is another robot;
+- if the original closes exactly at the start, and its numbers are not rounded;
+- if the original moves as it is, from a home that is closed to the rounding of floats;
+- if the original moves as it is, and the displacements are larger than the rounding of its numbers,
+  or the gap at the start, explains.
 """
 
 from collections import Counter
@@ -55,15 +59,16 @@ _FAR = 10 * ROUNDED_PLACEMENTS
 _STEPS = 12
 #: It ends at this gap.
 _CLOSED = 1e-14
-#: Its singular values below this part of the largest count as zero,
+#: Singular values of its equations count as zero below this part of the largest one.
 _LEAST = 1e-9
-#: and those below this multiple of the gap: the equations are wrong by about the gap.
+#: They count as zero also below this multiple of the gap, as the equations are wrong by about the
+#: gap.
 _NOISE = 30.0
 #: Corrections of a part: in the poses, then twice with poses in which it stayed open.
 _TRIES = 3
-#: A loop moves as it is if it closes after each of so many steps
+#: A loop moves as it is if it closes after each of some steps: their number.
 _MOTION_STEPS = 3
-#: of this length, [rad] or lengths of the loop.
+#: Their length, [rad] or lengths of the loop.
 _MOTION = 0.05
 
 
@@ -184,7 +189,9 @@ def _is_justified(correction: _Correction, original: "_Robot", part: _Part, star
         # Rounded placements would leave the home of the file open. Short numbers, such as 0.25, are
         # exact here.
         return False
-    return correction.size <= EXPLAINED * rounding or not original.moves(start, part)
+    if correction.size <= EXPLAINED * rounding:
+        return True
+    return not original.moves(start, part)  # it would be a rigid frame
 
 
 def _rank_of_overconstrained(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
@@ -477,19 +484,23 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
     W = loops.W
     by = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
-        # Twists in the world of unit displacements: linear along the axes of the body that carries
-        # the place, angular about the axes of the place.
+        # Column i: the twist [v; omega] in the world of a unit of displacement i, linear along the
+        # axes of the body that carries the place, angular about the axes of the place.
         body, placement = place_of(model, place)
         oMcarrier = loops.data.oMi[loops.tree.bodies[body]]
         twists = (oMcarrier * placement).action
         twists[:3, :3] = oMcarrier.rotation
         for rows in loops.of_frames:
-            moves_b, moves_a = [_moves(model, place, frame, end) for end in rows.frames]
+            frame_b, frame_a = rows.frames
+            moves_b = _moves(model, place, frame, frame_b)
+            moves_a = _moves(model, place, frame, frame_a)
+            W_b = W[rows.at, :6]  # f_dot = W_b twist_b + W_a twist_a
+            W_a = W[rows.at, 6:]
             # A place that moves both frames in the same way does not change the closure.
             if moves_b and not moves_a:
-                by[rows.at, k] = W[rows.at, :6] @ twists
+                by[rows.at, k] = W_b @ twists
             if moves_a and not moves_b:
-                by[rows.at, k] = W[rows.at, 6:] @ twists
+                by[rows.at, k] = W_a @ twists
     return by.reshape(len(by), -1)
 
 
