@@ -83,7 +83,6 @@ class LinkTree:
         tree = cls([base], [0])
         for i in range(1, model.njoints):
             parent = tree.link_of[model.parents[i]]
-            body = 0
             placement = model.jointPlacements[i]
             q = model.joints[i].idx_q
             v = model.joints[i].idx_v
@@ -92,13 +91,12 @@ class LinkTree:
                 if link is None:
                     problem = f"joint {model.names[i]}: {joint.shortname()} has no equations here"
                     raise DescriptionError("compiled kernels", [problem])
-                placement = pin.SE3.Identity()
+                parent = len(tree.links)
                 tree.links.append(link)
-                parent = len(tree.links) - 1
-                body = i
+                placement = pin.SE3.Identity()
                 q = q + joint.nq
                 v = v + joint.nv
-            tree.links[-1].body = body
+            tree.links[parent].body = i  # it is fixed to the last link of the series
             tree.link_of.append(parent)
         return tree
 
@@ -135,7 +133,7 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
         R=clean(placement.rotation),
         p=clean(placement.translation),
         kind=kind,
-        q=range(q, q + (joint.nq or 1)),
+        q=range(q, q + (joint.nq or 1)),  # a mimic joint has none, and reads that of the other
         v=range(v, v + S.shape[1]),
         S=clean(S),
     )
