@@ -7,17 +7,25 @@ implicitly, by the one factorisation of Phi_u. With the multipliers Lambda of th
     F(q, v, v_dot, Lambda) = forces that the tree needs - Phi^T Lambda - B tau,
     c(q, v, v_dot) = Phi v_dot + Phi_dot v.
 
-The forces along the coordinates are f = L^T F. Lambda and tau are held: L^T Phi^T is zero wherever
-the loops are closed. Lambda is such that F is zero along the dependent rates, and L does not change
-along the coordinates. So df = L^T dF. Along a direction x of the coordinates, dq = L x:
+The forces along the coordinates are f = L^T F, with constant Lambda and tau: L^T Phi^T is zero
+wherever the loops are closed, so that a change of Lambda changes no f. The change of f is
+
+    df = L^T dF + dL^T F.
+
+The second term is zero. The rows of L for the coordinates are constant, the identity; along the
+other rates, which are dependent, Lambda makes F zero. In a direction x of the coordinates,
+dq = L x, and
 
     df = L^T (F_q dq + F_v dv + F_v_dot dv_dot)
     Phi dv = -Phi_dot(dq) v              from Phi v = 0, at constant va
     Phi dv_dot = -c_q dq - c_v dv        from c = 0, at constant aa
 
-with the rate Phi_dot(dq) of Phi along dq. For derivatives by va, dq = 0 and dv = L x. For many
-samples whole matrices take the fewest operations. For one sample, its directions are computed side
-by side like samples of a batch.
+with the rate Phi_dot(dq) of Phi along dq. For derivatives by va, dq = 0 and dv = L x.
+
+They are computed in three ways: by Jacobians of the whole tree; by one coordinate after the other,
+with fewer operations for long trees with few coordinates (`Equations.derivatives_by_columns`); and
+along one direction that is an input, for kernels that compute several directions of one sample side
+by side (`along_directions`).
 """
 
 from collections.abc import Callable, Sequence
