@@ -89,6 +89,54 @@ def require_robot(name: str, value: object) -> None:
         raise InputError(name, f"a {type(value).__name__} is not a robot; {text}")
 
 
+def _answer(
+    kernel: Kernel,
+    shape: tuple[int, ...],
+    q: ArrayLike,
+    vectors: Mapping[str, ArrayLike],
+    moment: ArrayLike | None,
+    out: Array | None,
+    threads: int,
+) -> tuple[bool, Array | None]:
+    """Whether the kernel was asked, and its answer in the shape of the quantity, or None.
+
+    It is not asked if there are more than two vectors, or if `out` is to hold matrices.
+    """
+    if len(vectors) > 2 or (out is not None and len(shape) > 1):
+        return False, None
+    two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
+    result = kernel.answer(q, two[0], two[1], moment, out, threads)
+    if result is not None and len(shape) > 1:
+        result.shape = (*result.shape[:-1], *shape)  # kernels give matrices in a row
+    return True, result
+
+
+def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
+    """Whether `out` may be a part of an argument; kernels do not answer then."""
+    return isinstance(out, np.ndarray) and any(
+        array is not None and np.may_share_memory(array, out) for array in samples
+    )
+
+
+def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
+    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
+    arguments = []
+    for array in flat:
+        if array is not None:
+            size = int(np.prod(array.shape[1:]))  # of one sample
+            arguments.append(np.require(array, float, "A").reshape(len(result), size))
+    return kernel.many(tuple(arguments), result, threads)
+
+
+def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
+    """A function like `of_sample(q, va, aa, tau, wrenches)` that has no tau and passes None."""
+
+    def with_none(q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
+        return of_sample(q, va, aa, None, wrenches)
+
+    return with_none
+
+
 class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
@@ -427,10 +475,10 @@ class Engine:
             of_sample = partial(of_sample, axes=axes_of(axes))
         shape = (size_of(self.mechanism),)
         kernel_exists = stiffness is None and axes is None
-        rows = self._reaction_rows(
+        numbers = self._reaction_numbers(
             of_sample, shape, kernel_exists, q, va, aa, tau, stiffness, **options
         )
-        return unpacked(self.mechanism, rows, stiffness is not None, out)
+        return unpacked(self.mechanism, numbers, stiffness is not None, out)
 
     def unique_forces(
         self,
@@ -448,13 +496,15 @@ class Engine:
         """
         count = self.mechanism.model.njoints - 1 + len(self.mechanism.closures)
         of_sample = self.reference.unique_forces
-        rows = self._reaction_rows(
-            of_sample, (4 * count,), False, q, va, aa, tau, stiffness, **options
+        shape = (4 * count,)  # for each joint and closure three components, and the number
+        kernel_exists = False
+        numbers = self._reaction_numbers(
+            of_sample, shape, kernel_exists, q, va, aa, tau, stiffness, **options
         )
-        table = rows.reshape(*rows.shape[:-1], count, 4)
+        table = numbers.reshape(*numbers.shape[:-1], count, 4)
         return table[..., :3], table[..., 3]
 
-    def _reaction_rows(
+    def _reaction_numbers(
         self,
         of_sample: Callable[..., Array],
         shape: tuple[int, ...],
@@ -466,7 +516,10 @@ class Engine:
         stiffness: Mapping[str, ArrayLike] | None,
         **options: Unpack[LoadOptions],
     ) -> Array:
-        """Results of `of_sample(q, va, aa, tau, wrenches, compliances)`; one of aa, tau is None."""
+        """Results of `of_sample(q, va, aa, tau, wrenches, compliances)`, shape (..., *shape).
+
+        One of aa and tau is None; it follows from the other.
+        """
         if (aa is None) == (tau is None):
             raise InputError("aa, tau", "one of them is needed, not both")
         if aa is None:
@@ -692,54 +745,6 @@ class Engine:
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
-
-
-def _answer(
-    kernel: Kernel,
-    shape: tuple[int, ...],
-    q: ArrayLike,
-    vectors: Mapping[str, ArrayLike],
-    moment: ArrayLike | None,
-    out: Array | None,
-    threads: int,
-) -> tuple[bool, Array | None]:
-    """Whether the kernel was asked, and its answer in the shape of the quantity, or None.
-
-    It is not asked if there are more than two vectors, or if `out` is to hold matrices.
-    """
-    if len(vectors) > 2 or (out is not None and len(shape) > 1):
-        return False, None
-    two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
-    result = kernel.answer(q, two[0], two[1], moment, out, threads)
-    if result is not None and len(shape) > 1:
-        result.shape = (*result.shape[:-1], *shape)  # kernels give matrices in a row
-    return True, result
-
-
-def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
-    """Whether `out` may be a part of an argument; kernels do not answer then."""
-    return isinstance(out, np.ndarray) and any(
-        array is not None and np.may_share_memory(array, out) for array in samples
-    )
-
-
-def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
-    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
-    arguments = []
-    for array in flat:
-        if array is not None:
-            size = int(np.prod(array.shape[1:]))  # of one sample
-            arguments.append(np.require(array, float, "A").reshape(len(result), size))
-    return kernel.many(tuple(arguments), result, threads)
-
-
-def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
-    """A function like `of_sample(q, va, aa, tau, wrenches)` that has no tau and passes None."""
-
-    def with_none(q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
-        return of_sample(q, va, aa, None, wrenches)
-
-    return with_none
 
 
 def _unpickled(

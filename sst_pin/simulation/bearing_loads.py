@@ -129,31 +129,11 @@ def require_no_other_loads(engine: Engine, motion: Trajectory) -> None:
         raise InputError("motion", "other forces than its torques and the weights act on it")
 
 
-def loads(
-    engine: Engine,
-    motion: Trajectory,
-    stiffness: Mapping[str, ArrayLike] | None,
-    axes: ArrayLike | None,
-) -> Loads:
-    """Loads along a motion under its torques and the weights."""
-    require_no_other_loads(engine, motion)
-    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
-    wrenches = _without_noise(
-        np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
-    )
-    unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
-    weights = np.ones(1)
-    if len(motion) > 1:
-        # The trapezoidal rule: half of the steps before and after each sample.
-        half_steps = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
-        weights = half_steps[:-1] + half_steps[1:]
-    rows = []
-    for k, name in enumerate(w.names):
-        for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
-            vectors = wrenches[:, k, part]
-            determined = bool(np.all(unique[k, part]))
-            rows.append(_load(name, kind, vectors, motion.t, weights, determined))
-    return Loads(tuple(rows))
+def _without_noise(wrenches: Array, length: float) -> Array:
+    """Wrenches [force; moment] with zeros for what is rounding beside the largest force."""
+    sizes = np.repeat([1.0, length], 3)  # with the largest force, [N] and [N m]
+    largest = np.nanmax(np.abs(wrenches) / sizes, initial=0.0)
+    return np.where(np.abs(wrenches) < _ROUNDING * largest * sizes, 0.0, wrenches)
 
 
 def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determined: bool) -> Load:
@@ -194,8 +174,28 @@ def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determ
     )
 
 
-def _without_noise(wrenches: Array, length: float) -> Array:
-    """Wrenches [force; moment] with zeros for what is rounding beside the largest force."""
-    sizes = np.repeat([1.0, length], 3)  # with the largest force, [N] and [N m]
-    largest = np.nanmax(np.abs(wrenches) / sizes, initial=0.0)
-    return np.where(np.abs(wrenches) < _ROUNDING * largest * sizes, 0.0, wrenches)
+def loads(
+    engine: Engine,
+    motion: Trajectory,
+    stiffness: Mapping[str, ArrayLike] | None,
+    axes: ArrayLike | None,
+) -> Loads:
+    """Loads along a motion under its torques and the weights."""
+    require_no_other_loads(engine, motion)
+    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
+    wrenches = _without_noise(
+        np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
+    )
+    unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
+    weights = np.ones(1)
+    if len(motion) > 1:
+        # The trapezoidal rule: half of the steps before and after each sample.
+        half_steps = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
+        weights = half_steps[:-1] + half_steps[1:]
+    rows = []
+    for k, name in enumerate(w.names):
+        for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+            vectors = wrenches[:, k, part]
+            determined = bool(np.all(unique[k, part]))
+            rows.append(_load(name, kind, vectors, motion.t, weights, determined))
+    return Loads(tuple(rows))

@@ -34,6 +34,50 @@ _COLUMNS = ("joint_names", "motor_names", "units", "coordinates", "rate_units", 
 _COMPARED = (*_ARRAYS, *_COLUMNS)
 
 
+def _samples(name: str, value: ArrayLike, times: Array, columns: Sequence[str]) -> Array:
+    """A read-only copy of an argument with a row for each time."""
+    shape = len(times), len(columns)
+    array = finite_array(name, value, shape[1:]).copy()
+    if array.shape != shape:
+        raise InputError(name, f"shape {array.shape}, expected {shape}")
+    array.setflags(write=False)
+    return array
+
+
+def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
+    """Names as a tuple; repeated names are refused."""
+    words = names(name, value)
+    if len(set(words)) < len(words):
+        raise InputError(name, f"a name appears twice in {', '.join(words)}")
+    return words
+
+
+def _units(
+    name: str, value: Sequence[str], owners: Sequence[str], known: Sequence[str]
+) -> tuple[str, ...]:
+    """Units as a tuple, one of the known ones for each owner; others are refused."""
+    units = names(name, value)
+    if len(units) != len(owners) or not set(units) <= set(known):
+        raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
+    return units
+
+
+def _read_npz(path: Path) -> dict[str, Any]:
+    """The fields of a motion in an NPZ, as arrays."""
+    try:
+        # NumPy leaves a file open that it cannot read.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            keys = {name: name for name in (*_COMPARED, "stopped")}
+            # Versions before 0.3 had no torque_units at first, and another name for the motors.
+            if "torque_units" not in file:
+                del keys["torque_units"]
+            if "motor_names" not in file:
+                keys["motor_names"] = "actuated"
+            return {name: file[key] for name, key in keys.items()}
+    except Exception as error:  # zipfile and NumPy raise many kinds of errors
+        raise FileFormatError(path, f"not a motion: {error}") from None
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Summary):
     """A motion of a robot with its motor torques.
@@ -295,49 +339,6 @@ class Trajectory(Summary):
         return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
 
 
-def _read_npz(path: Path) -> dict[str, Any]:
-    """The fields of a motion in an NPZ, as arrays."""
-    try:
-        # NumPy leaves a file open that it cannot read.
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            keys = {name: name for name in (*_COMPARED, "stopped")}
-            # Versions before 0.3 had no torque_units at first, and another name for the motors.
-            if "torque_units" not in file:
-                del keys["torque_units"]
-            if "motor_names" not in file:
-                keys["motor_names"] = "actuated"
-            return {name: file[key] for name, key in keys.items()}
-    except Exception as error:  # zipfile and NumPy raise many kinds of errors
-        raise FileFormatError(path, f"not a motion: {error}") from None
-
-
-def _samples(name: str, value: ArrayLike, times: Array, columns: Sequence[str]) -> Array:
-    """A read-only copy of an argument with a row for each time."""
-    shape = len(times), len(columns)
-    array = finite_array(name, value, shape[1:]).copy()
-    if array.shape != shape:
-        raise InputError(name, f"shape {array.shape}, expected {shape}")
-    array.setflags(write=False)
-    return array
-
-
-def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """Names as a tuple; repeated names are refused."""
-    words = names(name, value)
-    if len(set(words)) < len(words):
-        raise InputError(name, f"a name appears twice in {', '.join(words)}")
-    return words
-
-
-def _units(
-    name: str, value: Sequence[str], owners: Sequence[str], known: Sequence[str]
-) -> tuple[str, ...]:
-    units = names(name, value)
-    if len(units) != len(owners) or not set(units) <= set(known):
-        raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
-    return units
-
-
 def trajectory_of(
     mechanism: Mechanism,
     t: ArrayLike,
@@ -367,6 +368,11 @@ def trajectory_of(
     )
 
 
+def _listed_units(words: Sequence[str]) -> str:
+    """Names or units in one line; the unit of a number is 1."""
+    return ", ".join(word or "1" for word in words)
+
+
 def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion") -> None:
     """Check that an argument is a motion of a robot: its joints, coordinates, motors, units."""
     if not isinstance(motion, Trajectory):
@@ -380,13 +386,9 @@ def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion
     ):
         if present == tuple(needed):
             continue
-        problem = f"belongs to another robot, with {what} {_listed_units(present)}; this one has "
-        problem += _listed_units(needed) or "none"
+        theirs = _listed_units(present)
+        ours = _listed_units(needed) or "none"
+        problem = f"belongs to another robot, with {what} {theirs}; this one has {ours}"
         if what == "coordinates":
             problem += "; chain.with_coordinates([...]) gives it others"
         raise InputError(name, problem)
-
-
-def _listed_units(words: Sequence[str]) -> str:
-    """Names or units in one line; the unit of a number is 1."""
-    return ", ".join(word or "1" for word in words)
