@@ -43,13 +43,13 @@ class Style(NamedTuple):
 
     type: str  #: The type in C.
     suffix: str  #: The suffix of literals.
-    digits: int  #: Digits that determine a number.
+    digits: int  #: Decimal digits that determine a number.
     head: str  #: The first lines of a source.
     closed: float  #: Largest residual of closed loops, free of units.
     rounding: float  #: Relative rounding.
-    angle: float  #: Largest entry of q.
+    angle: float  #: Largest entry of q: sines of larger angles lose digits.
     dtype: str  #: The type in NumPy and Warp.
-    last_step: float  #: After a Newton step up to this length the loops are closed.
+    last_step: float  #: After a Newton step up to this length, free of units, loops are closed.
 
 
 STYLES = {
@@ -79,7 +79,7 @@ STYLES = {
 
 
 class KernelSource(NamedTuple):
-    """The C of a kernel; `c_statements` describes the arrays x, p, y, d and o.
+    """The C of a kernel; `c_statements` describes the arrays x, p, y, d and o, c/real.h the types.
 
     Every kernel has `void <name>_constants(constants p)`, which computes the constants in p from
     the parameters. Another kernel than one along directions has
@@ -93,13 +93,14 @@ class KernelSource(NamedTuple):
         void <name>_pass_<k>(x, p, const number *o, const real *d, real *y)
     """
 
-    #: The function of constants and, unless it is one along directions, the kernel.
+    #: The function of constants, then the kernel; of one along directions only the former.
     text: str
     #: Size of p.
     size: int
     #: Size of y, also of the function that runs once.
     room: int
-    #: Of a kernel along directions the function that runs once, then those of the passes.
+    #: Of a kernel along directions the function that runs once, then those of the passes; each can
+    #: be compiled by itself.
     functions: tuple[str, ...] = ()
     #: The largest size of y of a pass.
     room_of_passes: int = 0
@@ -221,19 +222,18 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     size = None  # of p, to which each kernel adds its constants
     room = 0
     room_of_passes = 0
-    for kernel in kernels:
-        source = body(kernel, size, in_memory=True)
+    for each in kernels:
+        source = body(each, size, in_memory=True)
         size = source.size
         room = max(room, source.room)
-        room_of_passes = source.room_of_passes
+        room_of_passes = max(room_of_passes, source.room_of_passes)
         parts.append(source.text)
         if source.functions:
             once, *passes = source.functions
             other_sources.append(f"#undef LANES\n#define LANES 1\n{head}\n{once}")
             other_sources += [f"{head}\n{text}" for text in passes]
-    # The kernel of the quantity is the last one. For rollouts it is "state_rate"; "closing" is
-    # before it.
-    kernel = kernels[-1]
+    # The kernel of the quantity is the last one; for rollouts it is "state_rate", after "closing".
+    *closing, kernel = kernels
     sizes = [symbols.numel() for symbols in kernel.inputs.values()]  # of the inputs
     along = kernel.along
     outputs = kernel.output.numel()
@@ -250,15 +250,14 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
         "room": room,
     }
     parts.append(filled("entries/prepare.c", blanks))
-    word = "run"
-    close = "NULL"
-    if len(kernels) > 1:
-        parts += _rollout(kernels[0], sizes, blanks)
-        word = "rate"
-        close = kernels[0].name
+    if closing:
+        parts += _rollout(closing[0], sizes, blanks)
         q, va, *others = sizes
-        sizes = [q + va, *others]  # q and va are in one array
-    blanks |= {"word": word, "sizes": _listed(sizes), "arrays": len(sizes), "close": close}
+        sizes = [q + va, *others]  # "rate" has q and va in one array
+        blanks |= {"word": "rate", "close": closing[0].name}
+    else:
+        blanks |= {"word": "run", "close": "NULL"}
+    blanks |= {"sizes": _listed(sizes), "arrays": len(sizes)}
     if along is None:
         parts.append(filled("entries/run.c", blanks))
     else:

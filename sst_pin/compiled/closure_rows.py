@@ -125,8 +125,9 @@ class FrameMotion(NamedTuple):
 class _RightAngle:
     """An axis of A that stays at a right angle to an axis of B, axes by their numbers 0, 1, 2.
 
-    The residual is sign times the cosine of the angle between them. The sign makes the row the
-    turn of B about the positive third axis.
+    With the axes n of A and m of B, the residual is sign n . m, and Phi v is sign (m x n) .
+    (omega_B - omega_A). In a closed loop m x n is the third axis or its opposite; the sign is such
+    that Phi v is the rate about the third axis itself.
     """
 
     axis_of_a: int
@@ -303,9 +304,9 @@ class _FramePair:
         yield self._right_angle(right_angles[second], SX(0))
 
     def _right_angle(self, axes: _RightAngle, squared_gap: SX) -> Row:
-        """sign n . m = 0 for an axis n of A and an axis m of B.
+        """sign n . m = 0; see `_RightAngle`.
 
-        Phi v = sign (m x n) . (omega_B - omega_A).
+        The acceleration is its second derivative, sign (n . m_ddot + m . n_ddot + 2 n_dot . m_dot).
         """
         n = self.a.R[:, axes.axis_of_a]
         m = self.b.R[:, axes.axis_of_b]

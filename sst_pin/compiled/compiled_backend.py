@@ -301,14 +301,14 @@ class CompiledBackend:
     def _kernel(
         self,
         key: Quantity,
-        word: str = "run",
+        function: str = "run",
         friction: Friction | None = None,
     ) -> "Kernel | None":
         """A kernel with its code for single samples and for batches; None if it is impossible.
 
         Args:
             key: Its quantity.
-            word: The function in the library: "run", or "rate" of a rollout.
+            function: The function in the library: "run", or "rate" of a rollout.
             friction: Friction in place of the mechanism's.
         """
         code = self._codes_of(key)
@@ -321,12 +321,12 @@ class CompiledBackend:
         if key.name == "torque_regressor":
             parameters = self._all_parameters
         numbers = parameters.pack(self._mechanism, friction)
-        _, output, *inputs = code.single.sizes(word)
+        sizes = code.single.sizes(function)
         return self._binding.Kernel(
-            single=code.single.address(word),
-            batch=code.batch.address(word),
-            sizes=tuple(inputs),
-            output=output,
+            single=code.single.address(function),
+            batch=code.batch.address(function),
+            sizes=sizes.inputs,
+            output=sizes.output,
             parameters=code.single.prepared(numbers),
             batch_parameters=code.batch.prepared(numbers),
             library=code,  # keeps the code in memory
@@ -345,7 +345,7 @@ class CompiledBackend:
             return None
         batch = code.batch
         numbers = self._parameters.pack(self._mechanism, friction)
-        _, _, q, va, tau, *load = batch.sizes("run")
+        q, va, tau, *load = batch.sizes("run").inputs
         sizes = (q, va, tau, sum(load))  # no load has size 0
         return self._binding.RolloutKernel(
             code=batch.address("run"),

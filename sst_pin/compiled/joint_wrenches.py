@@ -82,13 +82,18 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
         checks_of_balance = checks.unbalanced(needed)
     inputs["external_wrenches"] = e.loads
 
+    # Rows of lines have the numbers after those of closures.
     Lambda = e.multipliers(needed) | _multipliers_of_lines(e, tau)
     wrenches_of_rows = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     needed_by_links = e.tree.wrenches(e.v, e.dv)
     wrenches = _wrenches(e, wrenches_of_rows, Lambda, needed_by_links)
 
-    at_rest = [SX(6, 1) for _ in needed_by_links]
-    stresses = [_wrenches(e, wrenches_of_rows, x, at_rest).values for x in _inner_stresses(e)]
+    # An inner stress gives wrenches although the links need none.
+    nothing_needed = [SX(6, 1) for _ in needed_by_links]
+    stresses = []
+    for multipliers in _inner_stresses(e):
+        stress = _wrenches(e, wrenches_of_rows, multipliers, nothing_needed)
+        stresses.append(stress.values)
     codes = _codes(stresses, wrenches.values.numel(), mechanism.length)
 
     results = ca.vertcat(wrenches.values, wrenches.ground, tau, *codes)

@@ -42,6 +42,15 @@ _loaded: dict[Path, ctypes.CDLL] = {}
 _ANNOUNCING = threading.Lock()
 
 
+class Sizes(NamedTuple):
+    """Numbers of entries of the arrays of a function."""
+
+    #: Of p: the parameters and the constants that are computed from them.
+    parameters: int
+    output: int
+    inputs: tuple[int, ...]
+
+
 @dataclass(frozen=True)
 class Code:
     """A kernel in a loaded library; the names of its functions end in `entry`."""
@@ -49,11 +58,12 @@ class Code:
     library: ctypes.CDLL
     entry: str
 
-    def sizes(self, function: str) -> list[int]:
-        """Sizes of the parameters, of the output of a function, and of each of its inputs."""
+    def sizes(self, function: str) -> Sizes:
+        """Sizes of the arrays of a function."""
         name = f"sizes_{function}_{self.entry}"
         numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
-        return numbers[: numbers.index(-1)]
+        parameters, output, *inputs = numbers[: numbers.index(-1)]
+        return Sizes(parameters, output, tuple(inputs))
 
     def address(self, function: str) -> int:
         """Address of a function: "run", of rollouts "rate" too."""
@@ -64,7 +74,8 @@ class Code:
 
     def prepared(self, numbers: Array) -> Array:
         """Parameters, followed by the constants that the kernel computes from them."""
-        p = np.concatenate([numbers, np.zeros(self.sizes("run")[0] - len(numbers))])
+        constants = np.zeros(self.sizes("run").parameters - len(numbers))
+        p = np.concatenate([numbers, constants])
         getattr(self.library, f"prepare_{self.entry}")(ctypes.c_void_p(p.ctypes.data))
         return p
 

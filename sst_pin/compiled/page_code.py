@@ -36,13 +36,16 @@ from .nonsmooth_motions import implicit_rates, other_lines
 from .symbolic_parameters import SymbolicParameters
 from .symbols import column
 
-#: Translation of a statement from C to JavaScript.
+#: Translation of a statement from C to JavaScript: patterns and what replaces them.
 _WORDS = [
+    # A pair of sine and cosine.
     (
         re.compile(r"^real s(\d+), c\d+; sines_cosines\(1, &(\S+), .*"),
         r"const s\1 = Math.sin(\2), c\1 = Math.cos(\2);",
     ),
+    # Types of variables.
     (re.compile(r"\bconst (?:real|number) "), "const "),
+    # Literals: N(1e-3) is 1e-3f in single precision.
     (re.compile(r"\bN\(([^()]*)\)"), r"\1"),
 ]
 #: Functions that the statements call.
