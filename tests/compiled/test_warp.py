@@ -27,18 +27,10 @@ def slow(*names):
 #: surplus motors, joints of two and three rates, rails, lines, one loop behind another.
 FEW = slow("ankle", "bricard", "excavator", "governor", "planar_4rrr", "ups_pu")
 KINDS = [*FEW, *slow("andrews", "bennett", "delta", "leg", "scissor_lift", "stewart")]
-DEVICES = ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)]
 
 
 #: The closing kernel of Bricard's linkage, all of whose rows count together, has no pivots.
 FLAGGED = {("bricard", "closed")}
-
-
-@pytest.fixture(params=DEVICES)
-def device(request):
-    if request.param != "cpu" and not wp.get_cuda_device_count():
-        pytest.skip("no CUDA device")
-    return request.param
 
 
 @pytest.fixture(scope="module")
@@ -265,6 +257,7 @@ def test_steps_are_captured_in_a_cuda_graph(four_bar):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quickly_compiled")
 def test_derivatives_of_a_floating_cassie_are_those_of_the_reference_path():
     """More coordinates than motors, and a pelvis that floats; on the CPU."""
     chain = copy.deepcopy(robot_named("floating cassie"))
@@ -281,7 +274,7 @@ def test_derivatives_of_a_floating_cassie_are_those_of_the_reference_path():
             np.testing.assert_allclose(part.numpy(), right, atol=1e-11 * np.abs(right).max())
 
 
-@pytest.mark.parametrize("name", [*FEW, *slow("delta", "stewart")])
+@pytest.mark.parametrize("name", slow("ankle", "bricard", "delta", "governor"))
 def test_machine_code_for_a_gpu_is_made_without_one(name):
     """With at most the 255 registers that a thread can have."""
     chain = EVERY_ROBOT[name]()

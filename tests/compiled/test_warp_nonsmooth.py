@@ -20,16 +20,6 @@ FORCES = ("joint_forces", "line_friction")
 SOLVED = {"float64": 1e-9, "float32": 1e-5}
 
 
-DEVICES = ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)]
-
-
-@pytest.fixture(params=DEVICES)
-def device(request):
-    if request.param != "cpu" and not wp.get_cuda_device_count():
-        pytest.skip("no CUDA device")
-    return request.param
-
-
 def arrays(batch, *values):
     return [wp.array(x, dtype=batch.dtype, device=batch.device) for x in values]
 
