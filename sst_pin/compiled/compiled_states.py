@@ -238,5 +238,5 @@ def _closing_steps(closing: "BoundKernel", q: Array) -> tuple[Array, bool]:
     """q after one step of Newton's method, shape (N, nq), and whether all were closed before it."""
     nq = q.shape[1]
     result = np.empty((len(q), nq + 2))  # q, the determinant of Phi_u, a sum of squares
-    failures = closing.many((np.ascontiguousarray(q),), result)
+    failures = closing.many((q,), result)
     return result[:, :nq], len(failures) == 0

@@ -79,8 +79,15 @@ class NonsmoothTerms:
         self._joints: dict[int, int] = {}
         #: Row of each line that also pushes: its dry friction and its damper share it.
         self._lines: dict[int, int] = {}
+        #: Twists and origins of bodies, by Pinocchio's joint; several contacts ask for the same.
+        self._twists_of_joints: dict[int, tuple[SX, SX]] = {}
         self._add_rows()
-        self._results = self._placed_results()
+        #: The results by the names of their parts, in their order.
+        self._parts = self._parts_of_results()
+        place = 0
+        for name, part in self._parts.items():
+            self.layout.places[name] = place
+            place += part.numel()
 
     def kernel(self, checks: Checks) -> SymbolicKernel:
         """The kernel that computes the terms, with the results of `layout`."""
@@ -92,30 +99,26 @@ class NonsmoothTerms:
             name="nonsmooth_terms",
             inputs=inputs,
             parameters=e.p,
-            output=ca.densify(self._results),
+            output=ca.densify(ca.vertcat(*self._parts.values())),
             checks=ca.vertcat(
                 *(SX(check) for check in [*checks.of_state, *checks.of_accelerations])
             ),
         )
 
-    def _placed_results(self) -> SX:
-        """All results in a column; `layout.places` gets their places."""
+    def _parts_of_results(self) -> dict[str, SX]:
+        """The parts of the results, whose places `layout.places` has; each is a column."""
         e = self._e
         n = self.layout.n
         inertia = [e.inertia[i, j] for i in range(n) for j in range(i, n)]
-        parts = {
+        lengths = [e.tree.lines[k].length for k in self._rows.cables]
+        return {
             "inertia": ca.vertcat(*inertia),
             "forces": self._forces,
             "gaps": ca.vertcat(SX(0, 1), *self._gaps),
-            "lengths": ca.vertcat(SX(0, 1), *(e.tree.lines[k].length for k in self._rows.cables)),
+            "lengths": ca.vertcat(SX(0, 1), *lengths),
             "positions": self._motor_positions,
             "entries": ca.vertcat(SX(0, 1), *self._entries),
         }
-        place = 0
-        for name, part in parts.items():
-            self.layout.places[name] = place
-            place += part.numel()
-        return ca.vertcat(*parts.values())
 
     @property
     def _forces(self) -> SX:
@@ -302,19 +305,15 @@ class NonsmoothTerms:
 
     def _twists(self, joint: int) -> tuple[SX, SX]:
         """Twists of a body for the rates of the coordinates, shape (6, n), and its origin."""
-        if joint not in self._known:
+        if joint not in self._twists_of_joints:
             frame = pin.Frame("", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
             body: Point = self._e.kinematics.point(0, frame)
             columns = []
             for L in self._e.L:
                 terms = [body.columns[i] * x for i, x in L.items() if i in body.columns]
                 columns.append(sum(terms, SX(6, 1)))
-            self._known[joint] = ca.horzcat(*columns), body.p
-        return self._known[joint]
-
-    @cached_property
-    def _known(self) -> dict[int, tuple[SX, SX]]:
-        return {}
+            self._twists_of_joints[joint] = ca.horzcat(*columns), body.p
+        return self._twists_of_joints[joint]
 
 
 def advance(e: Equations) -> SymbolicKernel:
