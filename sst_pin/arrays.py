@@ -87,13 +87,18 @@ def for_each_sample(
 ) -> Array:
     """Apply a function of single samples along the broadcast leading axes.
 
-    `core_axes` are the numbers of axes behind the leading ones, array by array; None in `arrays` is
-    handed on. `fast` fills rows of results and returns the indices of those that it leaves to
-    `function`. `out` gets the results, shape (..., *result), and may overlap the inputs; after an
-    error it may hold a part of them. `hint` is said if the work takes long.
-
-    With `on_error="nan"` samples that fail become NaN. Otherwise the error is that of the first
-    sample at fault, and names all samples with an error of this class.
+    Args:
+        function: Computes the result of one sample, from a sample of each array.
+        arrays: Arrays with a batch of samples; for None, the function gets None.
+        core_axes: Number of axes of one sample, for each array.
+        result: Shape of the result of one sample.
+        on_error: With "nan" samples that fail become NaN. With "raise" the error is that of the
+            first sample at fault, and names all samples with an error of this class.
+        out: Gets the results, shape (..., *result). It may overlap the arrays; after an error it
+            may hold a part of the results.
+        fast: Fills results, shape (samples, size), from the samples of each array, and returns the
+            indices of the samples that it leaves to `function`.
+        hint: Logged if the work takes long.
     """
     require_policy(on_error)
     batch, samples = flattened(arrays, core_axes)

@@ -287,6 +287,19 @@ def lines_of(lines: Sequence[LineForce]) -> tuple[LineForce, ...]:
     return result
 
 
+def _rows_of(space: JointSpace, row_of_line: Mapping[str, int], names: Sequence[str]) -> list[int]:
+    """Rows of B of joints, rates and lines, by their names; a repeated row is refused."""
+    rows: list[int] = []
+    for name in names:
+        if name in row_of_line:
+            rows.append(row_of_line[name])
+        else:
+            rows.extend(space.rates_of([name]).tolist())
+    if len(set(rows)) != len(rows):
+        raise InputError("names", f"a joint appears twice in {list(names)}")
+    return rows
+
+
 def _motors(
     space: JointSpace, motors: Sequence[Motor], lines: Sequence[LineForce]
 ) -> tuple[Array, tuple[str, ...]]:
@@ -301,23 +314,12 @@ def _motors(
         name = min(in_both)
         raise InputError("lines", f"line {name} has the name of a joint; give another name=")
 
-    def rows_of(names: list[str]) -> list[int]:
-        rows: list[int] = []
-        for name in names:
-            if name in row_of_line:
-                rows.append(row_of_line[name])
-            else:
-                rows.extend(space.rates_of([name]).tolist())
-        if len(set(rows)) != len(rows):
-            raise InputError("names", f"a joint appears twice in {names}")
-        return rows
-
     columns: list[Array] = []
     motor_names: list[str] = []
     for motor in motors:
         if isinstance(motor, Mapping):  # a tendon: one motor on several joints and lines
             name, shares = tendon_of(motor)
-            rows = rows_of(list(shares))
+            rows = _rows_of(space, row_of_line, list(shares))
             column = np.zeros(rates + len(lines))
             column[rows] = finite_array("actuated", list(shares.values()), (len(rows),))
             if not column.any():
@@ -327,7 +329,7 @@ def _motors(
             motor_names.append(name or terms.replace("+ -", "- "))
         else:  # a line, or a motor for each rate of a joint
             (name,) = names_of("actuated", [motor])
-            for row in rows_of([name]):
+            for row in _rows_of(space, row_of_line, [name]):
                 column = np.zeros(rates + len(lines))
                 column[row] = 1.0
                 columns.append(column)

@@ -60,6 +60,20 @@ class Approach(NamedTuple):
         return self.singular - self.start
 
 
+class _StepOver(NamedTuple):
+    """A step over a singular configuration.
+
+    Attributes:
+        crossing: The singular configuration.
+        branch: The motion through it.
+        behind: The state at the end of the step.
+    """
+
+    crossing: Crossing
+    branch: Branch
+    behind: MotionState
+
+
 class SingularityCrossing:
     """Notices singular configurations ahead of a motion, and steps over them.
 
@@ -158,15 +172,15 @@ class SingularityCrossing:
         self.approach = None
         self.problem = ""
         try:
-            crossing, branch, behind = self._step_over(equations, state, approach)
+            step = self._step_over(equations, state, approach)
         except BranchError as error:
             self.problem = f"; {error}"
         except SSTError as error:
             self.problem = f"; the motion behind it is not found ({error})"
         else:
-            self.crossings.append(crossing)
+            self.crossings.append(step.crossing)
             self._past.clear()
-            return behind, branch
+            return step.behind, step.branch
         # Try again from half the distance: the caller integrates until there. No step starts later
         # than the singular configuration was noticed, because accelerations become noisy there.
         nearer = approach.start + approach.remaining / 2
@@ -176,8 +190,8 @@ class SingularityCrossing:
 
     def _step_over(
         self, equations: StateEquations, state: MotionState, approach: Approach
-    ) -> tuple[Crossing, Branch, MotionState]:
-        """The singular configuration, the motion through it, and the state behind it.
+    ) -> _StepOver:
+        """The step from a state over the singular configuration that is approached.
 
         The step is repeated until its middle is at the singular configuration, because each step
         shows better where this is.
@@ -195,21 +209,20 @@ class SingularityCrossing:
             middle = crossing.time
             end = 2 * middle - state.t
             times, ys = gauss_step(space, equations.rate, state.t, state.y, end, branch)
-            stages = [
-                MotionState(time, space, stage[: len(state.q)], stage)
-                for time, stage in zip(times[1:-1], ys[1:-1], strict=True)
-            ]
+            stages = []
+            for time, y in zip(times[1:-1], ys[1:-1], strict=True):
+                stages.append(MotionState(time, space, y[: len(state.q)], y))
             branch = self._branch(equations, [state, *stages], remaining)
             crossing = crossing_of(space, branch, state.t, remaining)
             if abs(crossing.time - middle) < _CENTRED * remaining:
                 break
-        # Whether the last step is good, even if it is not quite centred, is decided by `mismatch`.
-        y = ys[-1]
-        q, v, _ = equations.joint_motion(end, y)
+        # `mismatch` decides whether the last step is good, even if it is not quite centred.
+        y_end = ys[-1]
+        q, v, _ = equations.joint_motion(end, y_end)
         error = mismatch(self._mechanism, branch, end, q, v, end - state.t)
         if not error < self._largest_mismatch:
             raise BranchError(f"the motion behind it does not continue this one (by {error:.1g})")
-        return crossing, branch, MotionState(end, space, q, y)
+        return _StepOver(crossing, branch, MotionState(end, space, q, y_end))
 
     def _last_states(self, approach: Approach) -> list[MotionState]:
         """Some states before a singular configuration, the last one first, spread over the time."""
