@@ -29,7 +29,7 @@ def test_corners_are_the_intersections_of_faces_that_keep_all_inequalities(k):
 
 
 def test_a_hull_in_the_plane_is_in_order_from_the_first_of_its_points():
-    points = np.array([[0.0, 0.0], [1, 1], [-1, 1], [-1, -1], [1, -1]])
+    points = np.array([[0.0, 0.0], [1, 1], [-1, -1], [-1, 1], [1, -1]])
     corners = hull(points)
     assert_allclose(corners[0], points[1])
     steps = np.roll(corners, -1, axis=0) - corners
