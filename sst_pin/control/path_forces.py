@@ -128,21 +128,14 @@ class PathForces:
         factors = self._factors(s)
         dry = _dry_friction(self._rates(s), self._forward(s))
 
-        def columns(sums: Array, opposite: Array) -> Array:
-            """Parts of the range of each sum, then of its opposite, shape (N, 2 sums)."""
-            return np.hstack([normalised(sums, factors), normalised(opposite, factors)])
-
         a = self._a(s)
         b = self._b(s)
         c = self._c(s)
         d = self._d(s)
+        # Columns of the sums, and of their opposites.
+        upper = normalised(np.stack([a, b, c, d, dry.largest]), factors)
+        lower = normalised(np.stack([-a, -b, -c, -d, -dry.least]), factors)
+        a, b, c, d, largest_dry = np.concatenate([upper, lower], axis=-1)
         with np.errstate(divide="ignore"):
             most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
-        return Parts(
-            a=columns(a, -a),
-            b=columns(b, -b),
-            c=columns(c, -c),
-            d=columns(d, -d),
-            dry=columns(dry.largest, -dry.least),
-            most=most,
-        )
+        return Parts(a=a, b=b, c=c, d=d, dry=largest_dry, most=most)
