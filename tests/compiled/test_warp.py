@@ -213,6 +213,8 @@ def test_arguments_are_checked(four_bar):
         batch.torques(q, va.astype(np.float32), va)
     with pytest.raises(InputError, match=r"^external_wrenches: wrenches at frames; give an array"):
         batch.torques(q, va, va, external_wrenches={"coupler_pin": np.zeros((2, 6))})
+    with pytest.raises(InputError, match=r"^out: 1 arrays, expected q, va"):
+        batch.step((q, va), va, 1e-3, out=(q.copy(),))
     with pytest.raises(InputError, match=r"^dtype: 'half' is not one of float64, float32"):
         four_bar.warp("cpu", "half")
 
