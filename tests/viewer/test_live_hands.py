@@ -48,12 +48,16 @@ def mouse(page, x, y, way, steps=5):
     page.mouse.up()
 
 
-MORE = {"delta": [PHONE], "stewart": [TABLET], "five_bar": [DESK], "cassie": [PHONE]}
+MORE = {
+    "sst": [DESK],
+    "delta": [PHONE],
+    "stewart": [TABLET],
+    "five_bar": [TABLET],
+    "cassie": [PHONE],
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "size"), with_slow(("four_bar", PHONE), sst=(PHONE, TABLET, DESK), **MORE)
-)
+@pytest.mark.parametrize(("name", "size"), with_slow(("four_bar", PHONE), **MORE))
 def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, name, size):
     chain = robot_named(name)
     viewer = Viewer(chain, live=True)
