@@ -67,24 +67,50 @@ class _Pair(NamedTuple):
 
 
 def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
-    """Pairs of shapes on different joints that can touch.
+    """Pairs of shapes on different joints that can touch, each once, as MuJoCo chooses them.
 
-    First those that the file lists, then those whose masks `contype` and `conaffinity` match.
+    First those that the file lists. Then those whose masks `contype` and `conaffinity` match,
+    unless the file excludes their bodies, or one body carries the other.
     """
     mj = compiled.mj
     joints = [tree.bodies[body].joint for body in mj.geom_bodyid]
+    listed_pairs = set[frozenset[int]]()
     for k in range(mj.npair):
         a = int(mj.pair_geom1[k])
         b = int(mj.pair_geom2[k])
+        listed_pairs.add(frozenset((a, b)))
         if joints[a] != joints[b]:
             yield _Pair(a, b, _friction(mj.pair_dim[k], mj.pair_friction[k, 0]))
     for a, b in combinations(range(mj.ngeom), 2):
         a_touches_b = mj.geom_contype[a] & mj.geom_conaffinity[b]
         b_touches_a = mj.geom_contype[b] & mj.geom_conaffinity[a]
-        if (a_touches_b or b_touches_a) and joints[a] != joints[b]:
+        if not (a_touches_b or b_touches_a) or frozenset((a, b)) in listed_pairs:
+            continue
+        if _never_touch(compiled, int(mj.geom_bodyid[a]), int(mj.geom_bodyid[b])):
+            continue
+        if joints[a] != joints[b]:
             dimension = max(mj.geom_condim[a], mj.geom_condim[b])
             larger = max(mj.geom_friction[a, 0], mj.geom_friction[b, 0])
             yield _Pair(a, b, _friction(dimension, larger))
+
+
+def _never_touch(compiled: Compiled, a: int, b: int) -> bool:
+    """Whether two bodies are excluded: by the file, or as one carries the other.
+
+    A body counts with the bodies that are fixed to it. The world carries bodies that touch it.
+    """
+    mj = compiled.mj
+    # A signature has the index of the body with the lower index in its upper 16 bits.
+    if (min(a, b) << 16) + max(a, b) in mj.exclude_signature:
+        return True
+    if mj.opt.disableflags & int(compiled.mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
+        return False
+    a_fixed_to, b_fixed_to = int(mj.body_weldid[a]), int(mj.body_weldid[b])
+    if a_fixed_to == 0 or b_fixed_to == 0:
+        return False
+    carrier_of_a = mj.body_weldid[mj.body_parentid[a_fixed_to]]
+    carrier_of_b = mj.body_weldid[mj.body_parentid[b_fixed_to]]
+    return bool(carrier_of_a == b_fixed_to or carrier_of_b == a_fixed_to)
 
 
 def _friction(dimension: int, coefficient: float) -> float:

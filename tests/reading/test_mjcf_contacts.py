@@ -64,3 +64,39 @@ def test_contacts_that_are_written_are_read_again(tmp_path):
     sst_pin.write_mjcf(chain, tmp_path / "robot.xml")
     again = sst_pin.ClosedChain.from_mjcf(tmp_path / "robot.xml", contacts=True)
     assert again.contacts == chain.contacts
+
+
+PAIRS = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/>
+  <body name="ball" pos="0 0 .05"><freejoint name="ball"/><geom name="round" size=".1"/>
+    <body name="carried" pos=".15 0 0"><joint name="carried"/><geom name="near" size=".1"/></body>
+  </body>
+  <body name="ghost" pos="3 0 .05"><freejoint name="ghost"/><geom name="none" size=".1"/></body>
+</worldbody>
+<contact>
+  <pair geom1="floor" geom2="round" condim="3" friction="0.3 0.3 0.005 0.0001 0.0001"/>
+  <exclude body1="ghost" body2="world"/>
+</contact>
+</mujoco>
+"""
+
+
+def test_shapes_touch_where_they_touch_in_mujoco(tmp_path):
+    """Once for a listed pair; not if the file excludes it, nor with the body that carries them."""
+    mujoco = pytest.importorskip("mujoco")
+    path = tmp_path / "scene.xml"
+    path.write_text(PAIRS)
+    with pytest.warns(DescriptionWarning, match="contacts are left out: 2 of sphere on sphere"):
+        chain = sst_pin.ClosedChain.from_mjcf(path, actuated=[], contacts=True)
+    mj = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(mj)
+    mujoco.mj_forward(mj, data)  # all spheres reach into the floor
+    on_floor = {}
+    for contact in data.contact:
+        plane, sphere = sorted(contact.geom)
+        assert plane == mj.geom("floor").id
+        on_floor[mj.body(mj.geom(sphere).bodyid[0]).name] = contact.friction[0]
+    assert sorted(on_floor) == ["ball", "carried"]
+    assert len(chain.contacts) == 2
+    # The frames of the spheres have the names of their bodies.
+    assert {x.frame: x.friction for x in chain.contacts} == on_floor
