@@ -39,23 +39,24 @@ def step_source(
     contacts = mechanism.contacts
     layout = symbols.layout
     inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then the rest
-    counts = (  # the first members of `rows_of_robot` in nonsmooth_solver.h, in their order
-        layout.n,
-        inputs[0],  # q
-        sum(inputs[2:]),  # load
-        mechanism.motor_count,  # motors
-        len(rows.kinds),  # m
-        len(contacts.points),  # contacts
-        len(contacts.ropes),  # ropes
-        len(rows.cables),  # cables
-        len(rows.stops),  # stops
-        len(rows.dry_friction),  # dry
-        len(layout.implicit_row),  # implicit
-    )
+    # The first members of `rows_of_robot` in nonsmooth_solver.h, in their order; `places` and the
+    # tables below are the further ones.
+    counts = {
+        "n": layout.n,
+        "q": inputs[0],
+        "load": sum(inputs[2:]),
+        "motors": mechanism.motor_count,
+        "m": len(rows.kinds),
+        "contacts": len(contacts.points),
+        "ropes": len(contacts.ropes),
+        "cables": len(rows.cables),
+        "stops": len(rows.stops),
+        "dry": len(rows.dry_friction),
+        "implicit": len(layout.implicit_row),
+    }
     determinants = np.abs(equations.at_samples(equations.pivots.determinant))
-    # `places` are the further members of `rows_of_robot`.
     of_rows: dict[str, object] = {
-        "counts": _listed(counts),
+        "counts": _listed(list(counts.values())),
         "places": _listed(list(layout.places.values())),
         "outputs": terms.output.numel(),
         "checks": terms.checks.numel(),
