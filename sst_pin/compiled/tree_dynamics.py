@@ -341,9 +341,10 @@ class TreeDynamics:
         an entry of M.
 
         Args:
-            following: Rows of L of dependent rates, by the link that their loops hang on and by
-                rate. From this link to the ground, the wrenches of the coordinates contain those of
-                these rates, which need no entries of their own there.
+            following: {i: {d: {k: L_dk}}}, rows of L of dependent rates d, by the link i that
+                their loops hang on. All of such a loop is behind link i. So from there to the
+                ground a unit of the coordinate k moves what d moves by L_dk: the wrench of k takes
+                L_dk times that of d, which is left out. Entries M_dj within the loop stay.
         """
         links = self._kinematics.tree.links
         placements = self._kinematics.placements
@@ -352,7 +353,7 @@ class TreeDynamics:
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
             link = links[i]
-            behind = forces[i]
+            behind = dict(forces[i])
             of_link = Sparse()
             for rate, row in following.get(i, {}).items():
                 wrench = behind.pop(rate, SX(6, 1))

@@ -31,7 +31,8 @@ _PREPARE = {
     "width": "real",  # of the sign of dry friction; negative: as in the parameters
     "p": "rows",  # the result
 }
-#: Arguments from which samples take the inputs of the generated kernel, in its order.
+#: Arguments of `run` from which a generated kernel takes its inputs, in this order. Some kernels
+#: take only the first ones: "closing" q, and the terms of nonsmooth steps q and va.
 _SAMPLES = {
     "q": "rows",
     "va": "rows",
@@ -209,7 +210,7 @@ def _blanks_of_inputs(kernel: SymbolicKernel) -> dict[str, object]:
     loads = sizes.pop(WRENCHES, None)  # the last input, if there are any
     takes = []
     start = 0
-    for array, size in zip(_SAMPLES, sizes.values(), strict=False):  # "closing" takes q only
+    for array, size in zip(_SAMPLES, sizes.values(), strict=False):
         takes.append(f"take(x + {start}, {array}, i, {size});")
         start += size
     if loads is not None:

@@ -191,9 +191,11 @@ class MjcfBodies:
 
 
 def _body_names(model: pin.Model) -> dict[int, str]:
-    """Name of the body of each joint: the name of a link at the joint, else of the joint.
+    """Name of the body of each joint: the name of a link at the joint's origin, else of the joint.
 
-    If a frame elsewhere has this name, its site gets it, and the body `NAME_joint`.
+    A frame with the name and the place of its body needs no site, because the body stands for it
+    (`add_sites`). If the frame of this name is elsewhere, it needs a site, which gets the name. The
+    name of the body is then `NAME_joint`.
     """
     names = dict(enumerate(model.names))
     for frame in list(model.frames)[::-1]:  # so that the first link counts
@@ -201,6 +203,7 @@ def _body_names(model: pin.Model) -> dict[int, str]:
             continue
         if frame.placement.isIdentity():
             names[frame.parentJoint] = frame.name
+    # Frames that a body can stand for, with the joint of the body.
     at_joints = {(f.name, f.parentJoint) for f in model.frames if _is_at_joint(f)}
     points = {f.name for f in model.frames if f.type in (*POINTS, LINK)}
     for joint, name in names.items():

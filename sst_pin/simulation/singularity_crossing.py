@@ -166,6 +166,10 @@ class SingularityCrossing:
         """The state behind the singular configuration that is approached, and the motion to there.
 
         None if there is no such motion; then `approach` is a nearer start for another try, or None.
+
+        Args:
+            equations: The equations of the motion.
+            state: The state at `approach.start`, the last one that `remember` got.
         """
         approach = self.approach
         assert approach is not None
@@ -181,8 +185,9 @@ class SingularityCrossing:
             self.crossings.append(step.crossing)
             self._past.clear()
             return step.behind, step.branch
-        # Try again from half the distance: the caller integrates until there. No step starts later
-        # than the singular configuration was noticed, because accelerations become noisy there.
+        # Try again from half the distance: the caller integrates until there. This is done only
+        # before the time at which the singular configuration was noticed, because accelerations are
+        # noisy behind it. (The first try may start later, if the motion ends soon.)
         nearer = approach.start + approach.remaining / 2
         if nearer <= self._noticed:
             self.approach = Approach(nearer, approach.singular)
@@ -200,7 +205,7 @@ class SingularityCrossing:
             BranchError: If the branch is not determined, or does not continue the motion.
         """
         space = state.space
-        remaining = approach.remaining
+        remaining = approach.remaining  # the first estimate, a unit of time in all tries
         # The first branch extrapolates the past states. The next ones go through the stages of the
         # last step.
         branch = self._branch(equations, self._last_states(approach), remaining)
