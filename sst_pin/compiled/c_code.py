@@ -257,7 +257,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
         blanks |= {"word": "rate", "close": closing[0].name}
     else:
         blanks |= {"word": "run", "close": "NULL"}
-    blanks |= {"sizes": _listed(sizes), "arrays": len(sizes)}
+    blanks |= {"sizes": listed(sizes), "arrays": len(sizes)}
     if along is None:
         parts.append(filled("entries/run.c", blanks))
     else:
@@ -285,7 +285,7 @@ def _rollout(
         "states": q + va,
         "close": closing.name,
         "close_checks": closing.checks.numel(),
-        "units": ", ".join(map(repr, closing.units)),
+        "units": listed(closing.units),
         # The criteria of a sound step; see `CompiledStateSpace`.
         "bend": BEND,
         "tolerance": CLOSURE_TOLERANCE,
@@ -293,7 +293,7 @@ def _rollout(
         "nearby": NEARBY * TRAVEL,
         "change": CHANGE,
     }
-    of_sizes: dict[str, object] = {"word": "run", "sizes": _listed(sizes)}
+    of_sizes: dict[str, object] = {"word": "run", "sizes": listed(sizes)}
     return [
         filled("entries/roll.c", {**blanks, **of_steps}),
         filled("entries/sizes.c", {**blanks, **of_sizes}),
@@ -308,7 +308,7 @@ def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:
         declarations.append(f"void {name}_pass_{k}({_OF_PASSES});")
         sizes = (len(one.coordinates), len(one.places), one.checks.numel())
         arrays = f"directions_{k}, places_{k}, strides_{k}"
-        passes.append(f"{{{name}_pass_{k}, {_listed(sizes)}, {arrays}}}")
+        passes.append(f"{{{name}_pass_{k}, {listed(sizes)}, {arrays}}}")
     return {"declarations": "\n".join(declarations), "passes": ", ".join(passes)}
 
 
@@ -323,7 +323,7 @@ def blanks_of_directions(along: Directions) -> dict[str, object]:
             "places": [place.first for place in one.places],
             "strides": [place.stride for place in one.places],
         }
-        arrays = (f"{name}_{k}[] = {{{_listed(x)}}}" for name, x in numbers.items())
+        arrays = (f"{name}_{k}[] = {{{listed(x)}}}" for name, x in numbers.items())
         tables.append(f"static const int {', '.join(arrays)};")
     if along.solution is not None:
         order = along.solution.order
@@ -332,15 +332,15 @@ def blanks_of_directions(along: Directions) -> dict[str, object]:
         "results": along.size,
         "tables": "\n    ".join(tables),
         "count": len(along.passes),
-        "known_at": _listed(along.places),
+        "known_at": listed(along.places),
         "width": along.width,
         "rank": len(order),
-        "order": _listed(order),
+        "order": listed(order),
         "entries": len(entries),
-        "entry_at": _listed([i for entry in entries for i in entry]),
+        "entry_at": listed([i for entry in entries for i in entry]),
     }
 
 
-def _listed(numbers: Iterable[int]) -> str:
-    """Numbers of an array in C; an empty one gets a zero."""
+def listed(numbers: Iterable[float]) -> str:
+    """Numbers of an array in C, which must not be empty: without numbers it gets a zero."""
     return ", ".join(map(str, numbers)) or "0"

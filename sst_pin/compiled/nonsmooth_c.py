@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The C of nonsmooth steps: generated kernels of the terms, and a solver written by hand."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from ..dynamics.nonsmooth_rows import LARGEST_BEND, NonsmoothRows
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import CLOSURE_TOLERANCE
 from . import kernels
-from .c_code import body, filled, part
+from .c_code import body, filled, listed, part
 from .equations import Equations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
@@ -56,26 +55,26 @@ def step_source(
     }
     determinants = np.abs(equations.at_samples(equations.pivots.determinant))
     of_rows: dict[str, object] = {
-        "counts": _listed(list(counts.values())),
-        "places": _listed(list(layout.places.values())),
+        "counts": listed(list(counts.values())),
+        "places": listed(list(layout.places.values())),
         "outputs": terms.output.numel(),
         "checks": terms.checks.numel(),
-        "row_start": _listed(layout.row_start),
-        "row_column": _listed(layout.row_column),
-        "impulse_row": _listed(layout.impulse_row),
-        "impulse_sign": _listed(layout.impulse_sign),
-        "implicit_row": _listed(layout.implicit_row),
-        "stop_position": _listed([stop.position for stop in rows.stops]),
-        "joint_rate": _listed([*(stop.rate for stop in rows.stops), *rows.dry_rates.tolist()]),
+        "row_start": listed(layout.row_start),
+        "row_column": listed(layout.row_column),
+        "impulse_row": listed(layout.impulse_row),
+        "impulse_sign": listed(layout.impulse_sign),
+        "implicit_row": listed(layout.implicit_row),
+        "stop_position": listed([stop.position for stop in rows.stops]),
+        "joint_rate": listed([*(stop.rate for stop in rows.stops), *rows.dry_rates.tolist()]),
         "dry_lines": len(rows.dry_lines),
     }
     scales = {
-        "coordinate_scale": _listed(mechanism.rate_scale[mechanism.coordinates].tolist()),
-        "gap_scale": _listed(rows.gap_scale.tolist()),
+        "coordinate_scale": listed(mechanism.rate_scale[mechanism.coordinates].tolist()),
+        "gap_scale": listed(rows.gap_scale.tolist()),
     }
     # Members of `bounds_of_step` in nonsmooth_move.h.
     of_bounds: dict[str, object] = {
-        "units": ", ".join(map(repr, close.units)),
+        "units": listed(close.units),
         "bend": LARGEST_BEND,
         "tolerance": tolerance,
         "travel": TRAVEL,
@@ -116,15 +115,10 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
         "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in source.kernels),
         "size": size,
         "room": room,
-        "sizes": _listed([x.numel() for x in terms.inputs.values()]),
+        "sizes": listed([x.numel() for x in terms.inputs.values()]),
         "results": terms.output.numel(),
     }
     numbers = of_library | source.blanks
     names = ("prepare", "sizes", "nonsmooth")
     parts += [filled(f"entries/{name}.c", numbers) for name in names]
     return ["\n".join(parts)]
-
-
-def _listed(numbers: Sequence[float]) -> str:
-    """Numbers of an array of C, which must not be empty."""
-    return ", ".join(map(str, numbers)) or "0"

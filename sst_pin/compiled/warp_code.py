@@ -233,7 +233,7 @@ def _blanks_of_closing(closing: SymbolicKernel, style: Style) -> dict[str, objec
     newton: dict[str, object] = {
         "close": closing.name,
         "close_checks": closing.checks.numel(),
-        "units": ", ".join(map(repr, closing.units)),
+        "units": c_code.listed(closing.units),
         "longest_first_step": _LONGEST_FIRST_STEP,
         "largest_ratio": _LARGEST_RATIO,
     }
