@@ -131,9 +131,7 @@ class _Joints:
 
     def _axis(self, joint: ET.Element, tag: str) -> Axis:
         """An axis of a joint."""
-        axis = joint.find(tag)
-        if axis is None:
-            axis = ET.Element(tag)
+        axis = _axis_element(joint, tag)
         limit = dict[str, float]()
         for key, default in _LIMITS.items():
             limit[key] = self._model.number(joint, axis, f"limit/{key}", default)
@@ -164,9 +162,7 @@ class _Joints:
 
     def _direction(self, joint: ET.Element, tag: str) -> Array:
         """The direction of an axis, in the joint's frame; z if the file has no axis."""
-        axis = joint.find(tag)
-        if axis is None:
-            axis = ET.Element(tag)
+        axis = _axis_element(joint, tag)
         xyz = axis.find("xyz")
         direction = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
         if direction is None or not np.linalg.norm(direction) > _SHORTEST_AXIS:
@@ -250,3 +246,9 @@ class _Hinge(NamedTuple):
     #: 1 if a positive position turns the link on the body about the gear's axis; -1 if it turns it
     #: the other way.
     sign: float
+
+
+def _axis_element(joint: ET.Element, tag: str) -> ET.Element:
+    """The element of an axis; an empty one, with all defaults, if the file has none."""
+    axis = joint.find(tag)
+    return ET.Element(tag) if axis is None else axis
