@@ -29,7 +29,7 @@ from ..errors import (
 from ..model.named_positions import with_positions
 from ..progress import counted
 from .enlarged_robot import EnlargedRobot
-from .geometry_measurements import FramePair, Measurement
+from .geometry_measurements import MeasuredFrames, Measurement
 from .least_squares import solved
 
 #: Most steps of Newton's method.
@@ -118,7 +118,7 @@ class ErrorFit:
         for measurement, configurations in zip(self._measurements, q_of_measurements, strict=True):
             a, J_a = self._frame(configurations, measurement.reference)
             b, J_b = self._frame(configurations, measurement.end)
-            rows_of_kinds = measurement.rows(FramePair(a=a, b=b, J_a=J_a, J_b=J_b))
+            rows_of_kinds = measurement.rows(MeasuredFrames(a=a, b=b, J_a=J_a, J_b=J_b))
             for rows, noise in zip(rows_of_kinds, measurement.noise_of_kinds, strict=True):
                 if rows.are_angles:
                     unit = 1.0

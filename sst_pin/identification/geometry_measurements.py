@@ -32,7 +32,7 @@ _IN_A_PLANE = 1e-3
 _ABOVE_PLANE = 0.1
 
 
-class FramePair(NamedTuple):
+class MeasuredFrames(NamedTuple):
     """The two frames of a measurement in N configurations, and their derivatives by k errors.
 
     Attributes:
@@ -129,7 +129,7 @@ class Measurement(ABC):
         return noises[: self.number_of_kinds]
 
     @abstractmethod
-    def rows(self, frames: FramePair) -> list[Rows]:
+    def rows(self, frames: MeasuredFrames) -> list[Rows]:
         """Rows of each kind, in a fixed order, without values that were not measured."""
 
     def guess_of_base(self, b: Array) -> pin.SE3:
@@ -198,7 +198,7 @@ class Poses(Measurement):
         array = np.asarray(self.poses, dtype=float)
         return array if array.ndim == 2 else array[:, :3, 3]
 
-    def rows(self, frames: FramePair) -> list[Rows]:
+    def rows(self, frames: MeasuredFrames) -> list[Rows]:
         """Rows of positions, then of orientations if there are any."""
         p, J = frames.positions()
         measured = self.measured_positions
@@ -264,7 +264,7 @@ class Heights(Measurement):
             raise InputError("direction", "zero; a vector along the measured axis is needed")
         return size
 
-    def rows(self, frames: FramePair) -> list[Rows]:
+    def rows(self, frames: MeasuredFrames) -> list[Rows]:
         """One kind: heights."""
         p, J = frames.positions()
         u = np.broadcast_to(np.asarray(self.direction, dtype=float), p.shape)
@@ -303,7 +303,7 @@ class Distances(Measurement):
             raise InputError("distances", "must be positive")
         return size
 
-    def rows(self, frames: FramePair) -> list[Rows]:
+    def rows(self, frames: MeasuredFrames) -> list[Rows]:
         """One kind: distances."""
         p, J = frames.positions()
         lengths = np.linalg.norm(p, axis=1)
