@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -83,7 +84,6 @@ PAIRS = """<mujoco><worldbody>
 
 def test_shapes_touch_where_they_touch_in_mujoco(tmp_path):
     """Once for a listed pair; not if the file excludes it, nor with the body that carries them."""
-    mujoco = pytest.importorskip("mujoco")
     path = tmp_path / "scene.xml"
     path.write_text(PAIRS)
     with pytest.warns(DescriptionWarning, match="contacts are left out: 2 of sphere on sphere"):
