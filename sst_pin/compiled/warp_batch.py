@@ -291,9 +291,9 @@ class WarpBatch:
         model = self._mechanism.model
         n = self._n
         motors = self._mechanism.motor_count
-        parts = self._rows.parts
-        return {
+        shapes: dict[str, tuple[int, ...]] = {
             "q": (model.nq,),
+            "va": (n,),
             "tau": (motors,),
             "external_wrenches": (model.njoints - 1, 6),
             "torques": (motors,),
@@ -303,13 +303,25 @@ class WarpBatch:
             "torque_derivatives": (n, 3 * n),
             "acceleration_derivatives": (n, 2 * n + motors),
             "motor_positions": (motors,),
+        }
+        if name in shapes:
+            return shapes[name]
+        if name in NonsmoothState._fields:
+            return self._nonsmooth_shape(name)
+        return (n,)
+
+    def _nonsmooth_shape(self, name: str) -> tuple[int, ...]:
+        """Shape of one sample of a result of nonsmooth steps."""
+        parts = self._rows.parts
+        shapes: dict[str, tuple[int, ...]] = {
             "contact_forces": (len(self._mechanism.contacts.points), 3),
             "tensions": (parts.cables.stop - parts.ropes.start,),
-            "joint_forces": (model.nv,),
+            "joint_forces": (self._mechanism.model.nv,),
             "line_friction": (len(self._rows.dry_lines),),
             "residual": (),
             "impulses": (self._rows.count,),
-        }.get(name, (n,))
+        }
+        return shapes[name]
 
     def _run(self, key: Quantity, inputs: dict[str, Any], out: Any = None, **options: Any) -> Any:
         """The result of a quantity; `options` as those of `torques`."""
