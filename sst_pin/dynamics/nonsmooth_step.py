@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Array, Flags, Indices
+from ..loops.line_kinematics import line_loops
 from ..loops.loops import Loops
-from ..model.closures import Distance
 from ..model.thresholds import HELD_BY_LOOPS, LEAST_LENGTH
 from ..model.tree import frame_id
 from .dynamics import Context
@@ -173,10 +173,8 @@ class NonsmoothStep:
 
     @cached_property
     def _ropes(self) -> Loops:
-        """The ropes as distances of 1 m that nothing holds."""
-        ropes = self._mechanism.contacts.ropes
-        distances = [Distance(rope.frame_a, rope.frame_b, 1.0) for rope in ropes]
-        return Loops(self._mechanism.model, distances)
+        """The ropes as distances that nothing holds: f are the distances of their ends."""
+        return line_loops(self._mechanism.model, self._mechanism.contacts.ropes)
 
     def gaps(self, q: Array) -> Array:
         """Gaps of contacts, ropes and stops at a closed configuration; negative if violated."""
@@ -359,7 +357,7 @@ class NonsmoothStep:
         if not len(self._rope_lengths):
             return np.zeros(0), np.zeros((0, self._mechanism.model.nv))
         self._ropes.evaluate(q)
-        distances = self._ropes.f + 1.0
+        distances = self._ropes.f
         # The direction of a rope between coinciding frames is not determined; it is slack.
         apart = distances > LEAST_LENGTH * self._mechanism.length
         return self._rope_lengths - distances, np.where(apart[:, None], -self._ropes.Phi, 0.0)

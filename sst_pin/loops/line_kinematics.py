@@ -4,19 +4,30 @@
 A line is a `Distance` that nothing holds: its row of Phi gives the rate of its length.
 """
 
+import sys
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import SingularConfigurationError
 from ..model.closures import Distance
+from ..model.contacts import Rope
+from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from ..model.thresholds import LEAST_LENGTH
 from .loops import Loops
 
-#: The distance in the rows of lines, [m]; its value does not matter.
-_HELD = 1.0
+#: The distance in the rows of lines, [m]: so small that f = length - distance is the length, with
+#: all its digits. A `Distance` cannot be zero.
+_NO_DISTANCE = sys.float_info.min
+
+
+def line_loops(model: pin.Model, lines: Iterable[LineForce | Rope]) -> Loops:
+    """The lines as distances that nothing holds: f are their lengths, [m]."""
+    return Loops(model, [Distance(x.frame_a, x.frame_b, _NO_DISTANCE) for x in lines])
 
 
 class LineKinematics:
@@ -28,16 +39,15 @@ class LineKinematics:
 
     @cached_property
     def loops(self) -> Loops:
-        """The lines as distances that nothing holds, f = length - 1 m."""
-        distances = [Distance(line.frame_a, line.frame_b, _HELD) for line in self._lines]
-        return Loops(self._mechanism.model, distances)
+        """The lines as distances that nothing holds: f are their lengths."""
+        return line_loops(self._mechanism.model, self._lines)
 
     def lengths(self, q: Array) -> Array:
         """Lengths of the lines, shape (lines,), [m]."""
         if not self._lines:
             return np.zeros(0)
         self.loops.evaluate(q)
-        return self.loops.f + _HELD
+        return self.loops.f.copy()
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v."""

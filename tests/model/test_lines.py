@@ -2,6 +2,7 @@
 """Forces along lines between two frames, and motors on lines."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
@@ -140,3 +141,17 @@ def test_lines_that_do_not_fit_the_robot_are_refused():
         chain([LineForce("universe", "platform", name="crank")])
     with pytest.raises(sst_pin.InputError, match="appears twice"):
         chain([line], [line.name, line.name])
+
+
+def test_lengths_of_micrometres_keep_all_their_digits():
+    """The lengths of a robot in another unit are those numbers in this unit."""
+    robot = arm(lines=STRUTS)
+    model = pin.Model(robot.model)
+    unit = 2.0**-20  # a power of two, so that nothing is rounded
+    for number in range(1, model.njoints):
+        model.jointPlacements[number].translation *= unit
+    for place in model.frames:
+        place.placement.translation *= unit
+    small = ClosedChain(model, robot.closures, ["body"], lines=STRUTS)
+    q = robot.generic_configuration()
+    assert_allclose(small.line_lengths(q), unit * robot.line_lengths(q), rtol=1e-15)
