@@ -59,7 +59,7 @@ class Crossing(NamedTuple):
 
 
 class Branch:
-    """Polynomials of degree 2 N - 1 through N states of a motion and their derivatives.
+    """A motion as polynomials of degree 2 N - 1: Hermite's interpolation through N states.
 
     Args:
         mechanism: The robot.
@@ -103,57 +103,141 @@ class Branch:
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
+class _ConstraintJacobian:
+    """Phi along a branch, and its singular values that are not zero everywhere.
+
+    Phi has nv columns and n degrees of freedom are left, so that r = nv - n of its singular values
+    are positive where the mechanism is regular. If rows are redundant, all others are zero.
+
+    Attributes:
+        rank: r, the rank of Phi at the start.
+        values_at_start: The r singular values there, the largest first.
+    """
+
+    def __init__(self, space: StateSpace, branch: Branch, start: float) -> None:
+        self._space = space
+        self._branch = branch
+        U, values, Vt = np.linalg.svd(self.at(start))
+        self.rank = Vt.shape[0] - len(space.coordinates)
+        self.values_at_start = values[: self.rank]
+        self._U = U[:, : self.rank]
+        self._V = Vt[: self.rank].T
+
+    def at(self, t: float) -> Array:
+        """Phi at a time, shape (rows, nv)."""
+        return self._space.Phi(self._branch.q(t))
+
+    def singular_values(self, t: float) -> Array:
+        """The r largest singular values at a time, the largest first."""
+        return np.asarray(np.linalg.svd(self.at(t), compute_uv=False)[: self.rank])
+
+    def _reduced(self, t: float) -> Array:
+        """U^T Phi V with the singular vectors U and V at the start, shape (r, r).
+
+        It is diagonal at the start. Along the branch it is singular where Phi loses rank.
+        """
+        return self._U.T @ self.at(t) @ self._V
+
+    def least_vectors(self, t: float) -> tuple[Array, Array]:
+        """The singular vectors u and w of the smallest one of these values at a time."""
+        left_vectors, _, right_vectors = np.linalg.svd(self._reduced(t))
+        return left_vectors[:, -1] @ self._U.T, self._V @ right_vectors[-1]
+
+    def determinant_sign(self, t: float) -> float:
+        """Sign of det(U^T Phi V), which each singular value that passes zero changes."""
+        sign, _ = np.linalg.slogdet(self._reduced(t))
+        return float(sign)
+
+
 def crossing_of(space: StateSpace, branch: Branch, start: float, remaining: float) -> Crossing:
     """The singular configuration on a branch, expected at `remaining` after `start`.
-
-    Phi loses rank where its smallest singular value vanishes. With its singular vectors u and w
-    the function u^T Phi w changes its sign there, so that its root is found by bisection.
 
     Raises:
         BranchError: If the branch through it is not determined.
     """
+    jacobian = _ConstraintJacobian(space, branch, start)
+    time = _singular_time(jacobian, start, start + _AHEAD * remaining)
+    zero = _VANISHED * jacobian.values_at_start
+    lost = int(np.count_nonzero(jacobian.singular_values(time) < zero))
+    _require_determined_branch(jacobian, start, time, lost)
+    rank = jacobian.rank
+    return Crossing(time, branch.q(time), rank_before=rank, rank=rank - lost)
+
+
+def _singular_time(jacobian: _ConstraintJacobian, start: float, until: float) -> float:
+    """The time of the first configuration after `start` where Phi loses rank, [s].
+
+    Its smallest singular value vanishes there. A singular value has no sign, but with its singular
+    vectors u and w the function u^T Phi w has: it is linear near its root, which is found by
+    Brent's method. The vectors are first those at the start, then those at the root found with
+    them, because they vary a little along the branch.
+    """
     from scipy.optimize import brentq
 
-    def Phi(t: float) -> Array:
-        return space.Phi(branch.q(t))
-
-    U, values, Vt = np.linalg.svd(Phi(start))
-    # Without the singular values that are zero everywhere, Phi is the square matrix
-    # rows Phi rates, shape (rank, rank).
-    rank = Vt.shape[0] - len(space.coordinates)
-    rows = U[:, :rank].T
-    rates = Vt[:rank].T
-
-    # The time of the crossing. The singular vectors are first those at the start, then those at the
-    # time found with them, because they vary a little along the branch.
     time = start
-    until = start + _AHEAD * remaining
     for _ in range(2):
-        left_vectors, _, right_vectors = np.linalg.svd(rows @ Phi(time) @ rates)
-        u = left_vectors[:, -1] @ rows
-        w = rates @ right_vectors[-1]
+        u, w = jacobian.least_vectors(time)
 
-        def smallest_value(t: float, u: Array = u, w: Array = w) -> float:
-            return float(u @ Phi(t) @ w)  # with its sign
+        def signed_value(t: float, u: Array = u, w: Array = w) -> float:
+            return float(u @ jacobian.at(t) @ w)
 
-        if smallest_value(start) * smallest_value(until) > 0:
+        if signed_value(start) * signed_value(until) > 0:
             raise BranchError(f"{_UNDETERMINED}: the extrapolated motion does not cross it")
-        time = float(brentq(smallest_value, start, until, xtol=1e-15, rtol=1e-14))
+        time = float(brentq(signed_value, start, until, xtol=1e-15, rtol=1e-14))
+    return time
 
-    values_there = np.linalg.svd(Phi(time), compute_uv=False)
-    lost = int(np.count_nonzero(values_there[:rank] < _VANISHED * values[:rank]))
+
+def _require_determined_branch(
+    jacobian: _ConstraintJacobian, start: float, time: float, lost: int
+) -> None:
+    """Refuse a singular configuration that does not determine the branch behind it.
+
+    Args:
+        jacobian: Phi along the branch.
+        start: A time before the singular configuration.
+        time: The time of the singular configuration.
+        lost: How many ranks Phi loses there.
+    """
     # Each lost rank changes the sign of the determinant once; another singular configuration would
     # change it too.
-    sign_before, _ = np.linalg.slogdet(rows @ Phi(start) @ rates)
-    sign_behind, _ = np.linalg.slogdet(rows @ Phi(2 * time - start) @ rates)
-    if sign_before * sign_behind != (-1) ** lost:
+    behind = 2 * time - start
+    change = jacobian.determinant_sign(start) * jacobian.determinant_sign(behind)
+    if change != (-1) ** lost:
         raise BranchError(f"{_UNDETERMINED}: another singular configuration is next to it")
     # The smallest singular value falls linearly unless branches are tangent to each other.
-    values_halfway = np.linalg.svd(Phi((start + time) / 2), compute_uv=False)
-    part = values_halfway[rank - 1] / values[rank - 1]
-    if not lost or not _HALFWAY[0] < part < _HALFWAY[1]:
+    smallest = jacobian.singular_values((start + time) / 2)[-1] / jacobian.values_at_start[-1]
+    if not lost or not _HALFWAY[0] < smallest < _HALFWAY[1]:
         raise BranchError(f"{_UNDETERMINED}: branches are tangent to each other there")
-    return Crossing(time, branch.q(time), rank, rank - lost)
+
+
+class _ButcherTableau(NamedTuple):
+    """Coefficients of an implicit Runge-Kutta method with s stages.
+
+    Attributes:
+        c: Times of the stages and of the end, in lengths of the step, shape (s + 1,).
+        A: Shape (s + 1, s): the stages are y_i = y_0 + h sum_j A_ij f(t_0 + c_j h, y_j). The last
+            row, whose entries are often called b, gives the end.
+    """
+
+    c: Array
+    A: Array
+
+
+def _gauss_tableau(stages: int) -> _ButcherTableau:
+    """Gauss' method, of order 2 s for s stages: they are at the roots of a Legendre polynomial.
+
+    It is a collocation method: A_ij is the integral from 0 to c_i of the Lagrange polynomial that
+    is one at stage j and zero at the others (E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary
+    Differential Equations I, Sect. II.7).
+    """
+    roots, _ = np.polynomial.legendre.leggauss(stages)
+    nodes = (1 + roots) / 2  # from (-1, 1) to (0, 1)
+    c = np.append(nodes, 1)
+    # The columns of the inverse have the coefficients of the Lagrange polynomials, by powers.
+    powers = np.arange(stages)
+    lagrange_coefficients = np.linalg.inv(nodes[:, None] ** powers)
+    integrals_of_powers = c[:, None] ** (powers + 1) / (powers + 1)
+    return _ButcherTableau(c, integrals_of_powers.dot(lagrange_coefficients))
 
 
 def gauss_step(
@@ -166,18 +250,12 @@ def gauss_step(
 ) -> tuple[Array, Array]:
     """A step of Gauss' implicit method of order 16: times and states of start, stages and end.
 
-    With h the step, x_i in (0, 1) the stages, and A_ij the integral of the Lagrange polynomial of
-    stage j from 0 to x_i (to 1 for the end), y_i = y_0 + h sum_j A_ij f(t_j, y_j). The stages are
-    found by iteration from those of `guess`; after each iteration loops are closed.
+    The stages are found by fixed-point iteration from those of `guess`; after each iteration loops
+    are closed.
     """
-    nodes, _ = np.polynomial.legendre.leggauss(_STAGES)
-    x = (1 + nodes) / 2  # from (-1, 1) to (0, 1)
-    upper = np.append(x, 1)[:, None]  # upper limits of the integrals
-    powers = np.arange(_STAGES)
-    integrals_of_powers = upper ** (powers + 1) / (powers + 1)
-    A = integrals_of_powers.dot(np.linalg.inv(x[:, None] ** powers))
+    tableau = _gauss_tableau(_STAGES)
     h = end - start
-    times = start + h * upper[:, 0]  # of the stages and the end
+    times = start + h * tableau.c  # of the stages and the end
     coordinates = space.coordinates
     states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
     nq = states.shape[1] - len(coordinates)
@@ -186,7 +264,7 @@ def gauss_step(
         states[:, :nq] = space.closed(states)
         rates = np.array([rate(t, y) for t, y in zip(times[:-1], states[:-1], strict=True)])
         before = states
-        states = state + h * A.dot(rates)
+        states = state + h * tableau.A.dot(rates)
         last_change = change
         change = float(np.abs(states - before).max())
         if not change < last_change / 2:  # the rest is rounding
