@@ -164,7 +164,7 @@ def estimate(
     huber_weights = np.ones(equations.forces.shape)
     for _ in range(_ITERATIONS):
         fit = _fit(equations, noise, huber_weights, correlations)
-        squares = _squared_torque_errors(fit, robust)
+        squares = _squared_torque_errors(fit, noise, robust)
         freedom = fit.spread.freedom
         if motors > n:  # the motion does not show the shares of single motors
             squares = np.full(motors, squares.sum())
@@ -278,21 +278,20 @@ def _fit(equations: _Equations, noise: Array, weights: Array, correlations: Arra
     z = whitened_equations.z
     weighted_A = A * weights[..., None]
     values, R_inverse = solved(weighted_A, z * weights)
-    torques_of_z = whitened_equations.torques_of_z / noise[:, None]  # in units of their noise
     return _Fit(
         whitened=whitened_equations,
         values=values,
         residuals=z - A @ values,
-        spread=noise_spread(weighted_A, R_inverse, torques_of_z, correlations),
+        spread=noise_spread(weighted_A, R_inverse, whitened_equations.P, correlations),
     )
 
 
-def _squared_torque_errors(fit: _Fit, robust: bool) -> Array:
-    """Sum of the squared torque errors of each motor, shape (motors,).
+def _squared_torque_errors(fit: _Fit, noise: Array, robust: bool) -> Array:
+    """Sum of the squared torque errors of each motor, shape (motors,), for the noise of the fit.
 
     If `robust`, it is estimated from the median of their sizes, which outliers do not change.
     """
-    torque_errors = (fit.whitened.torques_of_z @ fit.residuals[..., None])[..., 0]
+    torque_errors = noise * (fit.whitened.P @ fit.residuals[..., None])[..., 0]
     if robust:
         deviations = np.median(np.abs(torque_errors), axis=0) / _MEDIAN_OF_NORMAL
         return np.asarray(len(torque_errors) * deviations**2)
@@ -316,8 +315,7 @@ def _huber_covariance(fit: _Fit, noise: Array, correlations: Array) -> Array:
     A = fit.whitened.A
     residuals = fit.residuals
     _, R_inverse = solved(A, residuals)
-    torques_of_z = fit.whitened.torques_of_z / noise[:, None]
-    spread = noise_spread(A, R_inverse, torques_of_z, correlations)
+    spread = noise_spread(A, R_inverse, fit.whitened.P, correlations)
 
     b = fit.values.size
     inside = float((np.abs(residuals) < _HUBER).mean())

@@ -2,13 +2,18 @@
 """Noise of motor torques in the equations of identification, and in their solution.
 
 The equations of a sample are Y theta = J^T tau, with the regressor Y of the base parameters theta
-and the actuator Jacobian J. Noise of the torques with the covariance N = diag(noise^2) is noise of
-the forces J^T tau with the covariance J^T N J = C C^T. So both sides are multiplied by C^-1: in
+and the actuator Jacobian J. Let the noise of the torques have the covariance S = diag(noise^2).
+Then the noise of the forces J^T tau has the covariance J^T S J = C C^T, with Cholesky's factor C.
+The equations are whitened: both sides are multiplied by C^-1, so that in
 
     A theta = z,    A = C^-1 Y,    z = C^-1 J^T tau,
 
 the noise of z has the covariance 1. With A = Q R for all samples together, the solution is theta =
 R^-1 Q^T z, and the residuals are (1 - H) z with the hat matrix H = Q Q^T.
+
+The matrix P = S^(1/2) J C^-T maps z back to torques: P z are torques in units of their noise, the
+most likely ones of all torques with the same forces. P^T P = 1, and P P^T = 1 if there are as many
+motors as coordinates.
 """
 
 from __future__ import annotations
@@ -22,19 +27,18 @@ from ..errors import InputError
 
 
 class Whitened(NamedTuple):
-    """The equations A theta = z of N samples, in units of their noise."""
+    """The whitened equations A theta = z of N samples; see the module."""
 
     #: C^-1 Y, shape (N, n, b).
     A: Array
     #: C^-1 J^T tau, shape (N, n).
     z: Array
-    #: N J C^-T, shape (N, motors, n): torque errors for one unit of an error of z. Of the torque
-    #: errors that give the same forces, these are the most likely ones.
-    torques_of_z: Array
+    #: P, shape (N, motors, n).
+    P: Array
 
 
 def whitened(J: Array, noise: Array, Y: Array, forces: Array) -> Whitened:
-    """The equations Y theta = forces in units of their noise.
+    """The equations Y theta = forces, whitened.
 
     Args:
         J: Actuator Jacobians, shape (N, motors, n).
@@ -50,53 +54,61 @@ def whitened(J: Array, noise: Array, Y: Array, forces: Array) -> Whitened:
     return Whitened(
         A=C_inverse @ Y,
         z=(C_inverse @ forces[..., None])[..., 0],
-        torques_of_z=noise[:, None] ** 2 * (J @ C_inverse.mT),
+        P=noise[:, None] * (J @ C_inverse.mT),
     )
 
 
 class NoiseSpread(NamedTuple):
-    """The effect of the noise of the motors on values and residuals, in units of the noise."""
+    """The effect of the noise of the motors on the solution, in units of the noise."""
 
-    #: Covariance of the values theta, shape (b, b).
+    #: Covariance of the solution theta, shape (b, b).
     covariance: Array
-    #: Expected sum of the squared residuals of each motor's torques, shape (motors,).
+    #: Expected sum of the squared residuals of each motor's torques, shape (motors,). For more
+    #: motors than coordinates only the sum over all motors is exact.
     freedom: Array
 
 
-def noise_spread(
-    A: Array, R_inverse: Array, torques_of_z: Array, correlations: Array
-) -> NoiseSpread:
+def noise_spread(A: Array, R_inverse: Array, P: Array, correlations: Array) -> NoiseSpread:
     """The effect of noise that is correlated between samples, but not between motors.
 
-    Args:
-        A: The equations in units of the noise, shape (N, n, b).
-        R_inverse: R^-1, shape (b, b).
-        torques_of_z: Torque errors for one unit of an error of z, each in units of its noise, shape
-            (N, motors, n).
-        correlations: c_1, c_2, ..., where c_k is the correlation of the noise in samples that are k
-            apart. Together with c_0 = 1 they are the matrix C_t below.
-    """
-    # For each motor, Q in terms of its torque errors: theta = R^-1 sum over motors of Q^T noise.
-    Q = torques_of_z @ (A @ R_inverse)
-    motors, b = Q.shape[1:]
-    Q_Q = np.empty((motors, b, b))  # Q^T Q of each motor
-    Q_C_Q = np.empty((motors, b, b))  # Q^T C_t Q of each motor
-    for motor in range(motors):
-        rows = Q[:, motor]
-        Q_Q[motor] = rows.T @ rows
-        Q_C_Q[motor] = Q_Q[motor]
-        for lag, correlation in enumerate(correlations[: len(rows) - 1], 1):
-            pairs = correlation * (rows[:-lag].T @ rows[lag:])
-            Q_C_Q[motor] += pairs + pairs.T
-    sum_of_motors = Q_C_Q.sum(axis=0)
-    covariance = R_inverse @ sum_of_motors @ R_inverse.T
+    Let e_m be the noise of motor m in all samples, in units of its standard deviation. Its
+    covariance is the Toeplitz matrix C_t with the correlations of samples. The noise of z is the
+    sum of P_m^T e_m, where P_m has row m of P in each sample. With Q_m = P_m Q, shape (N, b), and
+    the sum W of Q_m^T C_t Q_m over all motors, the covariance of theta = R^-1 Q^T z is
 
-    # The residuals (1 - H) z have the covariance (1 - H) C_t (1 - H), with the same trace as C_t -
-    # 2 H C_t + H C_t H. The three lines are the parts of these terms for each motor.
-    freedom = np.sum(torques_of_z**2, axis=(0, 2))
+        R^-1 W R^-T.
+
+    The torques P_m (1 - H) z are the residuals of motor m. Their expected squares add up to the
+    trace of P_m (1 - H) cov(z) (1 - H) P_m^T, which is
+
+        |P_m|^2 - 2 tr(Q_m^T C_t Q_m) + tr(Q_m^T Q_m W),
+
+    since C_t has ones on its diagonal. For the second term P P^T = 1 is needed, or the sum over all
+    motors.
+
+    Args:
+        A: The whitened equations, shape (N, n, b).
+        R_inverse: R^-1, shape (b, b).
+        P: Torques in units of their noise, by z, shape (N, motors, n).
+        correlations: c_1, c_2, ..., where c_k is the correlation of the noise in samples that are k
+            apart; C_t has c_|i-j| in row i and column j, with c_0 = 1.
+    """
+    Q_of_motors = P @ (A @ R_inverse)  # shape (N, motors, b)
+    motors, b = Q_of_motors.shape[1:]
+    Q_Q = np.empty((motors, b, b))  # Q_m^T Q_m
+    Q_C_Q = np.empty((motors, b, b))  # Q_m^T C_t Q_m
+    for motor in range(motors):
+        Q_m = Q_of_motors[:, motor]
+        Q_Q[motor] = Q_m.T @ Q_m
+        Q_C_Q[motor] = Q_Q[motor]
+        for lag, correlation in enumerate(correlations[: len(Q_m) - 1], 1):
+            pairs = correlation * (Q_m[:-lag].T @ Q_m[lag:])
+            Q_C_Q[motor] += pairs + pairs.T
+    W = Q_C_Q.sum(axis=0)
+    freedom = np.sum(P**2, axis=(0, 2))
     freedom -= 2 * np.trace(Q_C_Q, axis1=1, axis2=2)
-    freedom += np.einsum("kij,ji->k", Q_Q, sum_of_motors)
-    return NoiseSpread(covariance, freedom)
+    freedom += np.einsum("kij,ji->k", Q_Q, W)
+    return NoiseSpread(covariance=R_inverse @ W @ R_inverse.T, freedom=freedom)
 
 
 def samples_per_independent_sample(correlations: Array) -> float:
