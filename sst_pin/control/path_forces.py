@@ -7,8 +7,10 @@ rates are x' w and the accelerations x' u + x'' w^2. The motors use the parts
     a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s)
 
 of their limits, due to inertia, velocity, weights and springs, viscous and Coulomb friction. The
-inverse dynamics for some u and w gives these functions of s. What is kept are not the parts of
-single motors but the sums of parts that no preload changes; see `motor_limits`.
+inverse dynamics for some u and w gives these functions of s (J. E. Bobrow, S. Dubowsky, J. S.
+Gibson, Time-optimal control of robotic manipulators along specified paths, Int. J. Robotics
+Research 4(3), 1985). With surplus motors, each row is not about one motor but about a sum of parts
+that no preload changes; see `motor_limits`.
 """
 
 from typing import NamedTuple
@@ -70,6 +72,60 @@ def _dry_friction(rates: Array, forward: Array) -> _DryFriction:
     return _DryFriction(least=moving - resting, largest=moving + resting)
 
 
+def _rates_by_s(limits: MotorLimits, q: Array, first: Array) -> Array:
+    """Rates of all joints and of the lengths of all lines for w = 1, free of units.
+
+    Shape (N, nv + lines); `first` are the derivatives x' of the coordinates, shape (N, n).
+    """
+    mechanism = limits.chain.mechanism
+    rates_of_joints = limits.chain.joint_rates(q, first)
+    rates_of_lines = limits.chain.engine.line_rates(q, rates_of_joints)
+    return np.hstack([rates_of_joints / mechanism.rate_scale, rates_of_lines / mechanism.length])
+
+
+class _Coefficients(NamedTuple):
+    """The functions of the module at N points, as sums of parts, each of shape (N, sums)."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+
+def _coefficients(
+    limits: MotorLimits,
+    q: Array,
+    first: Array,
+    second: Array,
+    factors: Array,
+    dry: _DryFriction,
+) -> _Coefficients:
+    """The coefficients at points of a path, by the inverse dynamics at four pairs of u and w.
+
+    Args:
+        limits: The limits of the motors.
+        q: Configurations, shape (N, nq).
+        first: x', shape (N, n).
+        second: x'', shape (N, n).
+        factors: Factors of the sums, shape (N, sums, k).
+        dry: Coulomb friction, which is a part of the forces if w is not zero.
+    """
+
+    def sums_at(w: float, u: float = 0.0) -> Array:
+        parts = limits.parts(q, w * first, w**2 * second + u * first)
+        return np.einsum("irk,ik->ir", factors, parts)
+
+    c = sums_at(0.0)
+    a = sums_at(0.0, 1.0) - c
+    # In w, the even part of the sums is c + b w^2, and the odd part is d w and the friction, whose
+    # sign follows the rate. Joints at rest have none in the inverse dynamics.
+    at_w = sums_at(_FAST)
+    at_minus_w = sums_at(-_FAST)
+    b_w2 = (at_w + at_minus_w) / 2 - c
+    d_w = (at_w - at_minus_w) / 2 - (dry.least + dry.largest) / 2
+    return _Coefficients(a=a, b=b_w2 / _FAST**2, c=c, d=d_w / _FAST)
+
+
 class PathForces:
     """All parts along a path, as splines through some of its points, the nodes.
 
@@ -82,46 +138,27 @@ class PathForces:
         q, first, second = path.at(nodes)  # x' and x''
         limits.require_rest(q[[0, -1]])
         factors = limits.factors(q)
-
-        def sums_at(w: float, u: float = 0.0) -> Array:
-            """Sums of parts for w and u at the nodes, shape (nodes, sums)."""
-            parts = limits.parts(q, w * first, w**2 * second + u * first)
-            return np.einsum("irk,ik->ir", factors, parts)
-
-        # Coulomb friction, by the rates of the joints and of the lengths of lines.
-        mechanism = limits.chain.mechanism
-        rates_of_joints = limits.chain.joint_rates(q, first)
-        rates_of_lines = limits.chain.engine.line_rates(q, rates_of_joints)
-        rates = np.hstack(
-            [rates_of_joints / mechanism.rate_scale, rates_of_lines / mechanism.length]
-        )
+        rates = _rates_by_s(limits, q, first)
         forward = factors @ limits.dry_friction(q)
         dry = _dry_friction(rates, forward)
-
-        # The sums at +w and -w: the even part is c + b w^2, the odd part is d w and the friction,
-        # whose sign follows the rate.
-        c = sums_at(0.0)
-        at_w = sums_at(_FAST)
-        at_minus_w = sums_at(-_FAST)
-        a = sums_at(0.0, 1.0) - c
-        b_w2 = (at_w + at_minus_w) / 2 - c
-        d_w = (at_w - at_minus_w) / 2 - (dry.least + dry.largest) / 2
+        coefficients = _coefficients(limits, q, first, second, factors, dry)
         speeds = limits.speeds(q, first)
 
-        # Splines of sums, which are not yet divided by the sizes of their factors.
+        # The sums and their factors are smooth along the path. Normalised sums are not where all
+        # factors of a sum pass zero. So sums are interpolated first and normalised in `at`.
         self._factors = spline(nodes, factors)
         self._rates = spline(nodes, rates)
         self._forward = spline(nodes, forward)
-        self._a = spline(nodes, a)
-        self._b = spline(nodes, b_w2 / _FAST**2)
-        self._c = spline(nodes, c)
-        self._d = spline(nodes, d_w / _FAST)
+        self._a = spline(nodes, coefficients.a)
+        self._b = spline(nodes, coefficients.b)
+        self._c = spline(nodes, coefficients.c)
+        self._d = spline(nodes, coefficients.d)
         self._speeds = spline(nodes, speeds)
         # With w = 1 / unit, inertia forces or rates use about their whole limits.
-        largest_a = np.abs(normalised(a, factors)).max()
+        largest_a = np.abs(normalised(coefficients.a, factors)).max()
         self.unit = max(float(np.sqrt(largest_a)), float(speeds.max()), 1e-100)
-        largest_d_w = float(np.abs(normalised(d_w, factors)).max())
-        self.viscous = largest_d_w > MARGIN * _FAST * self.unit
+        largest_d = float(np.abs(normalised(coefficients.d, factors)).max())
+        self.viscous = largest_d > MARGIN * self.unit
 
     def at(self, s: Array) -> Parts:
         """All parts at points of the path."""
@@ -132,7 +169,7 @@ class PathForces:
         b = self._b(s)
         c = self._c(s)
         d = self._d(s)
-        # Columns of the sums, and of their opposites.
+        # A sum is between -1 and 1 if neither it nor its opposite exceeds 1: two columns for each.
         upper = normalised(np.stack([a, b, c, d, dry.largest]), factors)
         lower = normalised(np.stack([-a, -b, -c, -d, -dry.least]), factors)
         a, b, c, d, largest_dry = np.concatenate([upper, lower], axis=-1)
