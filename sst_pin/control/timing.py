@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, positive_number
+from ..arrays import Array, Flags, positive_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import ActuationError, MissingExtraError
@@ -168,20 +168,33 @@ def _fastest(forces: PathForces) -> _Profile:
     for attempt in range(_PASSES):
         profile = _Profile(s, _largest_w_squared(s, forces, guess))
         used = profile.used(forces)
-        most_used = used.max(axis=0)
-        exceeds = most_used > 1 - MARGIN / 4
+        exceeds = used.max(axis=0) > 1 - MARGIN / 4
         if attempt > 0 and not exceeds.any():
             break
-        # The more an interval exceeds a limit, the finer it is divided.
-        pieces = np.where(exceeds, 2 + (most_used - 1) / MARGIN, 1)
-        if attempt == 0:
-            busy_pieces = np.where(most_used > _BUSY, np.ptp(used, axis=0) / _CHANGE, 1)
-            pieces = np.maximum(pieces, busy_pieces)
+        pieces = _pieces(used, exceeds)
+        if attempt == 0:  # the second grid resolves where limits act
+            pieces = np.maximum(pieces, _pieces_of_busy(used))
         finer = _divided(s, np.ceil(np.clip(pieces, 1, _PIECES)))
         if guess is not None:
             guess = np.interp(finer, s, profile.w_squared)
         s = finer
     return profile
+
+
+def _pieces(used: Array, exceeds: Flags) -> Array:
+    """Pieces into which intervals are divided: the more, the more one exceeds a limit.
+
+    Args:
+        used: The largest part of a limit that is used, shape (tested points, N).
+        exceeds: Which intervals exceed a limit, shape (N,).
+    """
+    return np.where(exceeds, 2 + (used.max(axis=0) - 1) / MARGIN, 1)
+
+
+def _pieces_of_busy(used: Array) -> Array:
+    """Pieces of busy intervals, in each of which the used part changes by `_CHANGE`, shape (N,)."""
+    is_busy = used.max(axis=0) > _BUSY
+    return np.where(is_busy, np.ptp(used, axis=0) / _CHANGE, 1)
 
 
 def _divided(s: Array, pieces: Array) -> Array:
@@ -225,6 +238,49 @@ def _largest_w_squared(s: Array, forces: PathForces, guess: Array | None) -> Arr
     return w_squared
 
 
+class _IntervalLimits(NamedTuple):
+    """The limits a u + b w^2 + c <= 1 - `MARGIN` in the N intervals of a grid.
+
+    u is constant in an interval, and w is that at its start. The unit of time is one in which w is
+    about one.
+
+    Attributes:
+        a, b, c: Shapes (N, limits).
+        largest_w_squared: Limits of w^2 at the points of the grid, shape (N + 1,).
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    largest_w_squared: Array
+
+
+def _interval_limits(s: Array, unit: float, parts: Parts) -> _IntervalLimits:
+    """The limits that hold at both ends of each interval, for parts without viscous friction.
+
+    Between the points u is constant, so w^2 grows by 2 u ds in an interval. The parts at its end
+    are, by u and by w at its start,
+
+        a u + b (w^2 + 2 u ds) + c = (a + 2 ds b) u + b w^2 + c.
+
+    This is the interpolation scheme of H. Pham and Q.-C. Pham. Both ends have the larger Coulomb
+    friction of the two.
+    """
+    a = parts.a / unit**2
+    b = parts.b / unit**2
+    c = parts.c
+    dry = parts.dry.copy()
+    dry[[0, -1]] = 0.0  # at rest there is none
+    dry = np.maximum(dry[:-1], dry[1:])
+    a_at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
+    return _IntervalLimits(
+        a=np.hstack([a[:-1], a_at_end]),
+        b=np.hstack([b[:-1], b[1:]]),
+        c=np.hstack([c[:-1] + dry, c[1:] + dry]),
+        largest_w_squared=np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, _FASTEST),
+    )
+
+
 def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
     """The largest w^2 within the limits without the part d, at rest at the ends, by toppra.
 
@@ -236,19 +292,7 @@ def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
         from toppra.constraint import LinearConstraint
     except ImportError:
         raise MissingExtraError("toppra", "timing") from None
-    a = parts.a / unit**2
-    b = parts.b / unit**2
-    c = parts.c
-    # Limits hold at both ends of each interval, with the larger Coulomb friction of both. Between
-    # them u is constant, so w^2 grows by 2 u ds, and b w^2 at the end depends on u too.
-    dry = parts.dry.copy()
-    dry[[0, -1]] = 0.0  # at rest there is none
-    dry = np.maximum(dry[:-1], dry[1:])
-    a_at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
-    a_rows = np.hstack([a[:-1], a_at_end])
-    b_rows = np.hstack([b[:-1], b[1:]])
-    c_rows = np.hstack([c[:-1] + dry, c[1:] + dry])
-    squares = np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, _FASTEST)
+    limits = _interval_limits(s, unit, parts)
 
     class Limits(LinearConstraint):  # type: ignore[misc]
         """F (a u + b w^2 + c) <= g and 0 <= w^2 <= bounds at each point, as toppra asks for it."""
@@ -258,21 +302,22 @@ def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
             self.identical = True  # F and g are the same at all points
 
         def compute_constraint_params(self, path: object, grid: Array) -> Any:
-            k = a_rows.shape[1]
+            k = limits.a.shape[1]
             F = np.eye(k)
             g = np.full(k, 1 - MARGIN)
             bounds_of_u = None
-            bounds_of_w_squared = np.column_stack([np.zeros_like(s), squares])
+            bounds_of_w_squared = np.column_stack([np.zeros_like(s), limits.largest_w_squared])
             return (
-                _with_last_repeated(a_rows),
-                _with_last_repeated(b_rows),
-                _with_last_repeated(c_rows),
+                _with_last_repeated(limits.a),
+                _with_last_repeated(limits.b),
+                _with_last_repeated(limits.c),
                 F,
                 g,
                 bounds_of_u,
                 bounds_of_w_squared,
             )
 
+    # toppra asks for a path, but all that it uses of it is in the limits.
     line = SplineInterpolator([0.0, 1.0], [[0.0], [1.0]])
     solver = TOPPRA([Limits()], line, gridpoints=s, solver_wrapper="seidel")
     _, w, _, K = solver.compute_parameterization(0.0, 0.0, return_data=True)
