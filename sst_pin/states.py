@@ -36,16 +36,17 @@ from .model.thresholds import (
 )
 from .progress import counted
 
-#: Condition number above which a rollout changes its coordinates: its steps do not get shorter near
-#: a dead point. At 20, errors of a five-bar that often passes dead points are almost three times as
-#: large; at 1 they are hardly smaller.
-_FIXED_STEP = 10.0
+#: Condition number above which steps of fixed length change their coordinates: they do not get
+#: shorter near a dead point. At 20, errors of a five-bar that often passes dead points are almost
+#: three times as large; at 1 they are hardly smaller.
+LARGEST_AT_FIXED_STEP = 10.0
 #: The coordinates are judged at parts of a step in which no joint moves more, [rad] or robot
 #: lengths.
 _PART_OF_STEP = 0.05
 #: The most parts of a step.
 _MOST_PARTS = 4
-
+#: The text of a `StepError` for a motion that diverges.
+NOT_FINITE = "a number is not finite; a shorter step may help"
 
 #: External wrenches on the bodies, shape (r, 6), as a function of the index of a motion and of q.
 WrenchesAt = Callable[[int, Array], Array]
@@ -361,7 +362,7 @@ class StateSpace:
         parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))
         for part in range(1, parts + 1):
             ahead = pin.integrate(self._mechanism.model, q, part / parts * step)
-            good_space, _ = self.in_good_coordinates(ahead, _FIXED_STEP)
+            good_space, _ = self.in_good_coordinates(ahead, LARGEST_AT_FIXED_STEP)
             if good_space is not self:
                 return good_space
         return self
@@ -387,7 +388,7 @@ class StateSpace:
 
         def rate(when: int, stage: Array) -> Array:
             if not isfinite(stage.dot(stage)):
-                raise StepError("a number is not finite; a shorter step may help")
+                raise StepError(NOT_FINITE)
             q = space.normalised(stage[:nq])
             # Loops at a stage are open by the error of the method. Only the end is closed, because
             # closing takes long. So the tolerance of the loops is infinite here.
@@ -395,36 +396,54 @@ class StateSpace:
 
         end = runge_kutta_step(rate, np.concatenate([q, va]), h)
         if not isfinite(end.dot(end)):
-            raise StepError("a number is not finite; a shorter step may help")
-        predicted = space.normalised(end[:nq])
+            raise StepError(NOT_FINITE)
         closed = self.closed(end)
-        # The step is off the closures by an error of order h^5.
+        self._require_short(q, space.normalised(end[:nq]), closed)
+        self.require_continuous(q, closed)
+        return closed, end[nq:]
+
+    def _require_short(self, before: Array, predicted: Array, closed: Array) -> None:
+        """Refuse a step that is too long for the curvature of the closures.
+
+        It leads from the configuration `before` to the predicted one, which is off the closures by
+        an error of order h^5. Closing the loops corrects this error.
+        """
         correction = self._largest_displacement(predicted, closed)
-        length = self._largest_displacement(q, closed)
+        length = self._largest_displacement(before, closed)
         if correction > BEND * length + CLOSURE_TOLERANCE:
             raise StepError(
                 "the step is too long for the curvature of the motion: a joint moves by "
                 f"{length:.2g} rad or robot lengths in it; shorten dt, or use simulate, which "
                 "adapts its steps"
             )
-        if not self._continues(q, closed):
-            raise StepError("the loops are singular, or change their assembly mode")
-        return closed, end[nq:]
 
     def _largest_displacement(self, before: Array, after: Array) -> float:
         """The largest displacement of a joint, [rad] or robot lengths."""
         displacement = pin.difference(self._mechanism.model, before, after)
         return float(np.abs(displacement / self._mechanism.rate_scale).max(initial=0))
 
-    def _continues(self, before: Array, after: Array) -> bool:
-        """Whether a step stays regular and in its assembly mode."""
-        model = self._mechanism.model
-        step = pin.difference(model, before, after)
+    def require_continuous(self, before: Array, after: Array) -> None:
+        """Refuse a step that passes a singular configuration or changes the assembly mode.
 
+        Raises:
+            StepError: If it does.
+        """
+        if not self._continues(before, after):
+            raise StepError("the loops are singular, or change their assembly mode")
+
+    def _continues(self, before: Array, after: Array) -> bool:
+        """Whether a step between closed configurations stays regular and in its assembly mode.
+
+        Its path is the straight one in all joints, with closed loops.
+        """
+        model = self._mechanism.model
+        displacement = pin.difference(model, before, after)
+
+        # The configuration at a fraction `high` of the step, as `follow` needs it.
         def path(_q: Array, _low: float, high: float) -> Array:
             if high == 1:
                 return after
-            return self.closed(pin.integrate(model, before, high * step))
+            return self.closed(pin.integrate(model, before, high * displacement))
 
         fraction, _ = self.follow(before, path, MAX_CONDITION_NUMBER)
         return fraction == 1

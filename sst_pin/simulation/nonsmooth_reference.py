@@ -15,11 +15,8 @@ from ..dynamics.nonsmooth_step import Forces, NonsmoothArrays, NonsmoothStep, St
 from ..dynamics.reference import Reference
 from ..engine import Engine
 from ..errors import InputError, SSTError
-from ..model.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
-from ..states import RolloutEnd, StateSpace, StepError
-
-#: Condition number of the dependent joints above which better coordinates are searched.
-_POOR = 10.0
+from ..model.thresholds import CLOSURE_TOLERANCE
+from ..states import LARGEST_AT_FIXED_STEP, NOT_FINITE, RolloutEnd, StateSpace, StepError
 
 
 class NonsmoothReference:
@@ -74,7 +71,7 @@ class NonsmoothReference:
             return RolloutEnd(first + 1, error)
         for s in range(first, len(q) - 1):
             try:
-                good_space, _ = self._space.in_good_coordinates(q[s], _POOR)
+                good_space, _ = self._space.in_good_coordinates(q[s], LARGEST_AT_FIXED_STEP)
                 if until_good and s > first and good_space is self._space:
                     return RolloutEnd(s + 1, None)
                 if good_space is not space:
@@ -111,7 +108,7 @@ class NonsmoothReference:
     def _require_regular(self, space: StateSpace, q: Array, step: Step, h: float) -> None:
         """Refuse steps that diverge, change the assembly mode, or are too long for the loops."""
         if not np.isfinite(step.q).all() or not np.isfinite(step.x).all():
-            raise StepError("a number is not finite; a shorter step may help")
+            raise StepError(NOT_FINITE)
         model = self._mechanism.model
         displacement = pin.difference(model, q, step.q)
         # Along the rates the step leaves the closures by an error of order h^2.
@@ -119,12 +116,4 @@ class NonsmoothReference:
         length = float(np.abs(h * step.v / self._mechanism.rate_scale).max())
         if np.abs(correction).max() > LARGEST_BEND * length + CLOSURE_TOLERANCE:
             raise StepError("the step is too long for the curvature of the motion; shorten dt")
-
-        def path(_start: Array, _low: float, high: float) -> Array:
-            if high == 1:
-                return step.q
-            return space.closed(pin.integrate(model, q, high * displacement))
-
-        fraction, _ = space.follow(q, path, MAX_CONDITION_NUMBER)
-        if fraction < 1:
-            raise StepError("the loops are singular, or change their assembly mode")
+        space.require_continuous(q, step.q)
