@@ -98,16 +98,27 @@ def _answer(
     out: Array | None,
     threads: int,
 ) -> tuple[bool, Array | None]:
-    """Whether the kernel was asked, and its answer in the shape of the quantity, or None.
+    """Whether `Kernel.answer` was asked, and its answer in the shape of the quantity, or None.
 
-    It is not asked if there are more than two vectors, or if `out` is to hold matrices.
+    It takes at most two vectors besides q, and gives a matrix as a row of its entries. So it is not
+    asked if there are more vectors, or if `out` is to hold matrices.
+
+    Args:
+        kernel: The kernel.
+        shape: Shape of the result of one sample.
+        q: Configurations.
+        vectors: The other arguments, by their names.
+        moment: The moment on the platform, the only load that `Kernel.answer` takes.
+        out: As for `ClosedChain`.
+        threads: As for `ClosedChain`.
     """
-    if len(vectors) > 2 or (out is not None and len(shape) > 1):
+    is_matrix = len(shape) > 1
+    if len(vectors) > 2 or (is_matrix and out is not None):
         return False, None
     two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
     result = kernel.answer(q, two[0], two[1], moment, out, threads)
-    if result is not None and len(shape) > 1:
-        result.shape = (*result.shape[:-1], *shape)  # kernels give matrices in a row
+    if is_matrix and result is not None:
+        result.shape = (*result.shape[:-1], *shape)
     return True, result
 
 
@@ -297,6 +308,7 @@ class Engine:
         `kernel_exists` is False if kernels do not take all arguments, and `ask_kernel` if the
         caller has asked `Kernel.answer` already.
         """
+        # Step 1. Of loads, `Kernel.answer` takes a moment on the platform only.
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
@@ -305,13 +317,13 @@ class Engine:
             asked, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
             if answer is not None:
                 return answer
+        # Step 2. From here on, a moment on the platform is one of the wrenches on all bodies.
         wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         state = self.arguments.state(q, **vectors)
         axes = [1 for _ in state]
         axes.append(2)  # of the wrenches
+        # Steps 3 and 4. Wrenches have a kernel of their own for `Kernel.many`.
         if kernel_exists and wrenches is not None:
-            # `Kernel.answer` takes a moment on the platform. For `Kernel.many`, the moment is among
-            # the wrenches on bodies, which have a kernel of their own.
             kernel = self.kernel(key._replace(loaded=True))
         return self._each_sample(
             of_sample,
@@ -356,7 +368,8 @@ class Engine:
         single = all(
             array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
         )
-        # Kernels do not answer if `out` overlaps an argument; only then `Kernel.many` may succeed.
+        # A single sample without an answer would fail the same checks in `Kernel.many`. It succeeds
+        # there only if the reason was that `out` overlaps an argument.
         if single and asked and not _shares_memory(out, samples):
             kernel = None
         if single and kernel is None and out is None and on_error == "raise":
@@ -598,8 +611,10 @@ class Engine:
     ) -> D:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
+        # `Kernel.derivatives` takes no loads and no options. It is `Kernel.answer` with a result of
+        # another kind, so that `_under_loads` asks the kernel only if this did not.
         kernel = None
-        if external_wrenches is None and not options:  # `Kernel.derivatives` takes no options
+        if external_wrenches is None and not options:
             kernel = self.kernel(key)
         if kernel is not None:
             second, third = vectors.values()
@@ -625,7 +640,8 @@ class Engine:
         if isinstance(external_wrenches, Mapping):
             policy = options.get("on_error", "raise")
             slope = self._slope_of_arms(external_wrenches, q, policy)
-            # These change `out` too, in place.
+            # The wrenches supply a part of the forces f that the motion needs: f falls by their
+            # slope, and the accelerations M^-1 (...) grow by M^-1 times it. `out` changes in place.
             if kind is TorqueDerivatives:
                 by_q -= slope
             else:
