@@ -48,14 +48,16 @@ class SmoothPath:
     def _require_small_turns(self, q: Array, x: Array) -> None:
         """Refuse samples between which the direction of a turn is not known.
 
-        `x` are continuous positions of the coordinates, those in q lie within one turn. They differ
-        by another number of turns where a joint passes the end of its turn.
+        The angles x are those of q, unwrapped: each step goes the shorter way round. This is right
+        where the angles of q lie within one turn and jump at its end. Then the steps in x are
+        small, and jumps are rare. It is wrong where a joint turns by more than half a turn from
+        sample to sample. Then the steps in x are large too, or one jump follows the other.
         """
         full_turns = x - positions_of(self._space, q, self._chain.coordinates)
-        passes_end = np.abs(np.diff(full_turns, axis=0)) > 1
+        jumps = np.abs(np.diff(full_turns, axis=0)) > 1
         is_large = np.abs(np.diff(x, axis=0)) > np.pi / 2
-        passes_twice = passes_end[1:] & passes_end[:-1]
-        if (passes_end & is_large).any() or passes_twice.any():
+        jumps_twice = jumps[1:] & jumps[:-1]
+        if (jumps & is_large).any() or jumps_twice.any():
             raise InputError("path", "a joint turns by half a turn between samples: use more")
 
     def at(self, s: Array) -> tuple[Array, Array, Array]:
