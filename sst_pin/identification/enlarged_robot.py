@@ -119,28 +119,18 @@ def considered_errors(
     joints_and_closures = geometry.places_of(mechanism)
     places = list(dict.fromkeys([*joints_and_closures, *measured]))
     lengths = geometry.length_names(mechanism.closures)
-    if urdf is None:
-        storable = set(places)
-    else:
+    storable = set(places)
+    if urdf is not None:
         storable = set(carriers_of(Urdf.read(urdf).root, mechanism.model))
 
     if which is None:
-        default_places = []
+        patterns = list(lengths)
         for place in joints_and_closures:
             if place in storable and place not in measured:
-                default_places.append(place)
-        patterns = [*lengths, *(f"{place}.*" for place in default_places)]
+                patterns.append(f"{place}.*")
     else:
         patterns = list(which)
-    known_names = [*lengths, *error_names(places)]
-    matches_of_all = set[str]()
-    for pattern in patterns:
-        matches = [name for name in known_names if fnmatchcase(name, pattern)]
-        if not matches:
-            raise UnknownNameError("error of the geometry", pattern, known_names)
-        matches_of_all.update(matches)
-    considered = [name for name in known_names if name in matches_of_all]
-
+    considered = _matches([*lengths, *error_names(places)], patterns)
     not_storable = []
     for name in considered:
         if name not in lengths and name.rpartition(".")[0] not in storable:
@@ -149,3 +139,14 @@ def considered_errors(
         problem = f"{urdf} cannot store {listed(not_storable)}: no joint of it is there"
         raise InputError("which", f"{problem}; leave them out")
     return considered
+
+
+def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
+    """Names of errors that match one of some patterns, in their order; each pattern must match."""
+    chosen = set[str]()
+    for pattern in patterns:
+        matches = [name for name in names if fnmatchcase(name, pattern)]
+        if not matches:
+            raise UnknownNameError("error of the geometry", pattern, names)
+        chosen.update(matches)
+    return [name for name in names if name in chosen]
