@@ -315,39 +315,45 @@ class Distances(Measurement):
         return [Rows(z[k], (u[:, None] @ J[k])[:, 0])]
 
     def guess_of_base(self, b: Array) -> pin.SE3:
-        """The point c at the measured distances d from the frame's positions r (trilateration).
-
-        |r - c|^2 = d^2, less its mean over all positions, is linear in c, for r and c relative to
-        the mean of the positions. The mean itself is |c|^2 = mean(d^2 - |r|^2).
-        """
+        """The point at the measured distances from the frame's positions, without a rotation."""
         d = np.asarray(self.distances, dtype=float)
         k = np.isfinite(d)
         positions = b[k, :3, 3]
         if len(positions) < 4:
             raise InputError("distances", "of an unknown system: at least four values are needed")
-        mean = positions.mean(axis=0)
-        r = positions - mean
-        right = np.sum(r**2, axis=1) - d[k] ** 2
-        U, s, Vt = np.linalg.svd(r, full_matrices=False)
-        if s[1] <= _IN_A_PLANE * s[0]:
-            raise InputError("distances", "of an unknown system: the positions are in a row")
-        # Coordinates of c along the principal axes. The third one is sensitive to errors where the
-        # positions are almost in a plane. Then it follows from |c|^2, but for its sign.
-        first, second, third = U.T @ (right - right.mean()) / (2 * np.maximum(s, 1e-300))
-        height = np.sqrt(max(-right.mean() - first**2 - second**2, 0.0))
-        guesses = [[first, second, third], [first, second, height], [first, second, -height]]
-        if s[2] <= _IN_A_PLANE * s[0]:
-            guesses = [[first, second, 0.0]]
-            if height > _ABOVE_PLANE * np.hypot(first, second):
-                problem = "the positions are in a plane, and the other place is on one of its sides"
-                cure = "give a frame near it, other="
-                raise InputError("distances", f"of an unknown system: {problem}; {cure}")
+        return pin.SE3(np.eye(3), _trilaterated(positions, d[k]))
 
-        def misfit(c: Array) -> float:
-            return float(np.sum((np.linalg.norm(r - c, axis=1) - d[k]) ** 2))
 
-        c = min((Vt.T @ guess for guess in guesses), key=misfit)
-        return pin.SE3(np.eye(3), mean + c)
+def _trilaterated(positions: Array, d: Array) -> Array:
+    """The point at distances d, shape (N,), from N positions, N >= 4: trilateration.
+
+    For c and r relative to the mean of the positions, |r - c|^2 = d^2. Less its mean over all
+    positions, this is linear in c: 2 r . c = |r|^2 - d^2, less its mean. The mean itself is
+    |c|^2 = mean(d^2 - |r|^2).
+    """
+    mean = positions.mean(axis=0)
+    r = positions - mean
+    right_side = np.sum(r**2, axis=1) - d**2
+    U, s, Vt = np.linalg.svd(r, full_matrices=False)
+    if s[1] <= _IN_A_PLANE * s[0]:
+        raise InputError("distances", "of an unknown system: the positions are in a row")
+    # Coordinates of c along the principal axes of the positions, by the linear equations. The third
+    # one is sensitive to errors where the positions are almost in a plane. Then it follows from
+    # |c|^2, but for its sign.
+    first, second, third = U.T @ (right_side - right_side.mean()) / (2 * np.maximum(s, 1e-300))
+    height = np.sqrt(max(-right_side.mean() - first**2 - second**2, 0.0))
+    guesses = [[first, second, third], [first, second, height], [first, second, -height]]
+    if s[2] <= _IN_A_PLANE * s[0]:
+        guesses = [[first, second, 0.0]]
+        if height > _ABOVE_PLANE * np.hypot(first, second):
+            problem = "the positions are in a plane, and the other place is on one of its sides"
+            cure = "give a frame near it, other="
+            raise InputError("distances", f"of an unknown system: {problem}; {cure}")
+
+    def misfit(c: Array) -> float:
+        return float(np.sum((np.linalg.norm(r - c, axis=1) - d) ** 2))
+
+    return np.asarray(mean + min((Vt.T @ guess for guess in guesses), key=misfit))
 
 
 def _values(name: str, values: ArrayLike, size: int) -> Array:
