@@ -219,13 +219,7 @@ def _equations(
     Parameters that are not considered go to the right side.
     """
     if decimate > 1:
-        # Columns of dry friction as the filter sees them, for joints and then for lines.
-        Y = Y.copy()
-        names = chain.dynamic_parameters.names
-        dry = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
-        v = chain.joint_rates(q, va)
-        rates_of_dry = np.hstack([v, chain.engine.line_rates(q, v)])
-        Y[..., dry] *= _mean_signs(rates_of_dry)[:, None]
+        Y = _with_mean_friction(chain, Y, q, va)
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
@@ -235,6 +229,22 @@ def _equations(
     return _Equations(
         J=J, Y=decimated(Y[..., base.columns], decimate), forces=decimated(forces, decimate)
     )
+
+
+def _with_mean_friction(chain: ClosedChain, Y: Array, q: ArrayLike, va: ArrayLike) -> Array:
+    """Regressors whose columns of dry friction are means over the time about each sample.
+
+    A filter sees when dry friction changes its sign. Samples show only between which two of them
+    this was; their mean over the time shows it.
+    """
+    names = chain.dynamic_parameters.names
+    columns = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
+    v = chain.joint_rates(q, va)
+    # The columns are those of joints, then those of lines.
+    rates = np.hstack([v, chain.engine.line_rates(q, v)])
+    Y = Y.copy()
+    Y[..., columns] *= _mean_signs(rates)[:, None]
+    return Y
 
 
 def _mean_signs(v: Array) -> Array:
