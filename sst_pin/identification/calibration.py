@@ -108,7 +108,8 @@ class Calibration(Summary):
             warn_caller(_lengths_in_yaml(mechanism.closures, rods), DescriptionWarning)
         changes = dict[str, pin.SE3]()
         for place, displacement in geometry.displacements(mechanism, errors_of_robot).items():
-            # A displacement is along the axes of the place as drawn: before its rotation.
+            # The model has the calibrated orientation, which is the drawn one times the rotation of
+            # the displacement. The displacement is along the axes of the drawn one.
             rotation = geometry.relative(pin.SE3.Identity(), displacement).rotation
             calibrated = geometry.place_of(mechanism.model, place)[1].rotation
             drawn = pin.SE3(calibrated @ rotation.T, np.zeros(3))
