@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
+from ..arrays import Array, Flags, Indices, finite_array, for_each_sample, names, single_array
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError, WorkspaceError
 from ..loops.coordinate_choice import choose_coordinates
@@ -76,16 +76,15 @@ class Linkage:
         #: Numbers of the joints among the coordinates.
         self._joint_columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
 
-        # The motors that move with the joints, by J of all motors and coordinates, free of units.
-        scale = chain.mechanism.motor_scale
-        J = self.chain.actuator_jacobian(self.chain.generic_configuration())
-        J = J / scale[:, None] * chain.mechanism.rate_scale[coordinates]
+        # The motors that move with the joints.
+        J = self._unitless_jacobian()
         moves_with_joints = np.abs(J[:, self._joint_columns]).max(axis=1) > RANK_TOLERANCE
         #: Numbers of these motors among the motors of the robot, and units of their positions.
         self._motor_rows = np.flatnonzero(moves_with_joints)
-        self._motor_units = scale[self._motor_rows]
+        self._motor_units = chain.mechanism.motor_scale[self._motor_rows]
         self.motors = tuple(self.chain.motor_names[k] for k in self._motor_rows)
-        self._require_motors(J)
+        self._require_held(J)
+        self._require_own_motors(J)
 
         # A joint without limits is a cosine and a sine in q, so no position has its name.
         is_endless = ~np.isin(space.rate_names, space.position_names)
@@ -94,21 +93,37 @@ class Linkage:
         #: robot is in the same configuration; 0 for motors of other joints.
         self._motor_turns = 2 * np.pi * factors.T @ is_endless
 
-    def _require_motors(self, J: Array) -> None:
-        """Raise an error unless the motors hold the joints and move no others.
+    def _unitless_jacobian(self) -> Array:
+        """Rates of all motors by rates of all coordinates, free of units, (motors, coordinates).
 
-        J has the rates of all motors by the rates of all coordinates, free of units.
+        They are those at a generic configuration, where no entry vanishes by chance.
+        """
+        mechanism = self.chain.mechanism
+        J = self.chain.actuator_jacobian(self.chain.generic_configuration())
+        units_of_coordinates = mechanism.rate_scale[mechanism.coordinates]
+        return np.asarray(J / mechanism.motor_scale[:, None] * units_of_coordinates)
+
+    def _coordinates_of_motors(self, J: Array) -> Flags:
+        """Which other coordinates the motors of the joints move too, shape (motors, coordinates).
+
+        J is that of `_unitless_jacobian`.
+        """
+        moves = np.abs(J[self._motor_rows]) > RANK_TOLERANCE
+        moves[:, self._joint_columns] = False
+        return moves
+
+    def _require_held(self, J: Array) -> None:
+        """Raise an error if joints, or coordinates that move with their motors, are free.
+
+        A coordinate is free if it can move while all motors are fixed: if the null space of J, the
+        Jacobian of `_unitless_jacobian`, has an entry for it.
         """
         names = self.chain.mechanism.coordinate_rate_names
         motors = ", ".join(self.motors)
-        # Entries of the motors of these joints in the columns of other coordinates.
-        shared = np.abs(J[self._motor_rows]) > RANK_TOLERANCE
-        shared[:, self._joint_columns] = False
-        others = np.flatnonzero(shared.any(axis=0))
-        # Coordinates that can move while all motors are fixed: the null space of J.
         _, sizes, Vt = np.linalg.svd(J)
         null_space = Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]
         is_free = np.abs(null_space).max(axis=0, initial=0.0) > RANK_TOLERANCE
+        others = np.flatnonzero(self._coordinates_of_motors(J).any(axis=0))
         free_others = [names[k] for k in others if is_free[k]]
         if free_others:
             cure = f"give a motor to {', '.join(free_others)}, "
@@ -118,7 +133,11 @@ class Linkage:
         if free_joints:
             joints = ", ".join(free_joints)
             raise ActuationError(f"the motors {motors or '(none)'} do not hold the joints {joints}")
-        for row, k in np.argwhere(shared):
+
+    def _require_own_motors(self, J: Array) -> None:
+        """Raise an error if a motor of the joints also moves with other coordinates."""
+        names = self.chain.mechanism.coordinate_rate_names
+        for row, k in np.argwhere(self._coordinates_of_motors(J)):
             problem = f"motor {self.motors[row]} also moves with {names[k]}"
             raise InputError("joints", f"{problem}: name all joints of its linkage")
 
