@@ -13,6 +13,7 @@ from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import InputError
 from ..model.thresholds import RANK_TOLERANCE
+from ..simulation.samples import rows_of_samples
 from ..summaries import listed
 
 #: Components of a wrench, in order.
@@ -117,9 +118,9 @@ class ForceObserver:
         if times.ndim != 1:
             raise InputError("t", f"shape {times.shape}: times of samples are needed, shape (N,)")
         size = len(times)
-        configurations = _samples("q", q, (size, chain.mechanism.model.nq))
-        rates = _samples("va", va, (size, chain.degrees_of_freedom))
-        torques = _samples("tau", tau, (size, len(chain.motor_names)))
+        configurations = rows_of_samples("q", q, (size, chain.mechanism.model.nq))
+        rates = rows_of_samples("va", va, (size, chain.degrees_of_freedom))
+        torques = rows_of_samples("tau", tau, (size, len(chain.motor_names)))
         means = torques.copy()
         means[1:] = (torques[1:] + torques[:-1]) / 2
         self.reset()
@@ -180,11 +181,3 @@ class ForceObserver:
         result = np.zeros(6)
         result[chosen] = (Vt.T @ (U.T @ (unit * f) / s)) / size
         return result
-
-
-def _samples(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
-    """An array with a row for each time, of exactly this shape."""
-    array = finite_array(name, value, shape[1:])
-    if array.shape != shape:
-        raise InputError(name, f"shape {array.shape}, expected {shape}: a row for each time")
-    return array

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, positive_number, whole_number
+from ..arrays import Array, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import InputError
 from ..simulation.coordinate_motions import configurations_of, without_full_turns
-from ..simulation.samples import sample_times, spline
+from ..simulation.samples import rows_of_samples, sample_times, spline
 from ..simulation.trajectories import Trajectory
 from .filters import lowpass
 from .outliers import require_few_replaced, without_outliers
@@ -154,11 +154,8 @@ def _even_log(
 ) -> _Log:
     """The log, checked and interpolated at as many even times, with angles without full turns."""
     times = sample_times(t, 3)
-    positions = finite_array("x", x, (len(chain.coordinates),))
-    torques = finite_array("tau", tau, (len(chain.motor_names),))
-    for name, array in (("x", positions), ("tau", torques)):
-        if array.ndim != 2 or len(array) != len(times):
-            raise InputError(name, f"shape {array.shape}, expected {len(times)} rows")
+    positions = rows_of_samples("x", x, (len(times), len(chain.coordinates)))
+    torques = rows_of_samples("tau", tau, (len(times), len(chain.motor_names)))
     period = 1 / positive_number("cutoff", cutoff)
     duration = times[-1] - times[0]
     even = np.linspace(times[0], times[-1], len(times))

@@ -6,9 +6,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from ..arrays import finite_array
 from ..description.colours import HUES
 from ..errors import InputError
+from ..simulation.samples import rows_of_samples
 from ..simulation.trajectories import Trajectory
 from .curves import label, legend_above, zero_line
 from .style import StyledFigure, style
@@ -24,9 +24,7 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     Raises:
         InputError: If the shapes differ, or for a motion without motors.
     """
-    tau = finite_array("predicted", predicted, (motion.tau.shape[1],))
-    if tau.shape != motion.tau.shape:
-        raise InputError("predicted", f"shape {tau.shape}, expected {motion.tau.shape}")
+    tau = rows_of_samples("predicted", predicted, (len(motion), len(motion.motor_names)))
     if not motion.motor_names:
         raise InputError("motion", "has no motors")
     count = len(motion.motor_names)

@@ -6,15 +6,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array
+from ..arrays import Array
 from ..engine import Engine, Robot, require_robot
-from ..errors import ClosureError, DescriptionWarning, InputError, warn_caller
+from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..loops.start import placed
 from ..model.mechanism import Mechanism
 from ..model.named_positions import positions_of
 from ..progress import counted
 from ..summaries import listed
-from .samples import sample_times, spline
+from .samples import rows_of_samples, sample_times, spline
 from .trajectories import Trajectory, trajectory_of
 
 
@@ -59,10 +59,7 @@ def coordinate_trajectory(
     """`coordinate_motion` by an engine."""
     times = sample_times(t, 3)
     shape = len(times), len(engine.mechanism.coordinates)
-    values = finite_array("x", x, shape[1:])
-    if values.shape != shape:
-        raise InputError("x", f"shape {values.shape}, expected {shape}")
-    values = without_full_turns(engine.mechanism, values)
+    values = without_full_turns(engine.mechanism, rows_of_samples("x", x, shape))
     _warn_of_full_turns(engine.mechanism, values)
     return motion_along(engine, times, configurations_of(engine, values, start), values)
 

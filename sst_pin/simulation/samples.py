@@ -28,6 +28,14 @@ def sample_times(t: ArrayLike, least: int = 1) -> Array:
     return times
 
 
+def rows_of_samples(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """An array of finite numbers with a row for each time, of exactly this shape."""
+    array = finite_array(name, value, shape[1:])
+    if array.shape != shape:
+        raise InputError(name, f"shape {array.shape}, expected {shape}: a row for each time")
+    return array
+
+
 def times_within(name: str, value: ArrayLike, times: Array, beyond: float = 0.0) -> Array:
     """The times `value`, shape (...); an error if one is more than `beyond` [s] outside `times`."""
     array = finite_array(name, value, ())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Array, finite_array, names, single_array
+from ..arrays import Array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Table, Writer, as_path, read_table, require_ending, table_writer, write_files
 from ..former_names import FormerName, former_arguments
@@ -20,7 +20,7 @@ from ..model.mechanism import Mechanism
 from ..summaries import Summary, listed
 from .crossings import Crossing
 from .motion_columns import columns_of, parts_of
-from .samples import sample_times, spline, times_within
+from .samples import rows_of_samples, sample_times, spline, times_within
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,10 +36,7 @@ _COMPARED = (*_ARRAYS, *_COLUMNS)
 
 def _samples(name: str, value: ArrayLike, times: Array, columns: Sequence[str]) -> Array:
     """A read-only copy of an argument with a row for each time."""
-    shape = len(times), len(columns)
-    array = finite_array(name, value, shape[1:]).copy()
-    if array.shape != shape:
-        raise InputError(name, f"shape {array.shape}, expected {shape}")
+    array = rows_of_samples(name, value, (len(times), len(columns))).copy()
     array.setflags(write=False)
     return array
 
