@@ -262,9 +262,13 @@ class Scene:
 
 
 def _farthest(points: Array) -> Array:
-    """Points that lie farthest out in the directions of a spiral from pole to pole of a sphere."""
+    """Points, shape (n, 3), that lie farthest out in one of many directions.
+
+    The directions are evenly spread over the sphere: a Fibonacci lattice, whose points are on a
+    spiral from pole to pole, each turned by the golden ratio of a turn from the one before.
+    """
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
-    turn = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)
+    turn = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)  # 2 pi times the golden ratio
     r = np.sqrt(1 - z**2)
     directions = np.stack([r * np.cos(turn), r * np.sin(turn), z])
     return points[np.unique((points @ directions).argmax(axis=0))]

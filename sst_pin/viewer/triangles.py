@@ -23,8 +23,8 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     """
     points = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
-    # A normal at each point, which moves along the line without turning about it, so that the tube
-    # is not twisted.
+    # A normal at each point, which does not turn about the line, so that the tube is not twisted
+    # (a rotation-minimising frame): the last normal without its part along the next tangent.
     tangents = _tangents(points)
     normals = np.empty_like(points)
     normal = np.cross(tangents[0], np.eye(3)[np.abs(tangents[0]).argmin()])
