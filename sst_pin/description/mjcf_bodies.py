@@ -193,9 +193,9 @@ class MjcfBodies:
 def _body_names(model: pin.Model) -> dict[int, str]:
     """Name of the body of each joint: the name of a link at the joint's origin, else of the joint.
 
-    A frame with the name and the place of its body needs no site, because the body stands for it
-    (`add_sites`). If the frame of this name is elsewhere, it needs a site, which gets the name. The
-    name of the body is then `NAME_joint`.
+    When the file is read again, the name of a body or a site is the name of a frame there. So a
+    link or a point that is not at the origin of the body of its name needs a site, which gets the
+    name (`add_sites`). The name of the body is then `NAME_joint`.
     """
     names = dict(enumerate(model.names))
     for frame in list(model.frames)[::-1]:  # so that the first link counts
@@ -203,11 +203,13 @@ def _body_names(model: pin.Model) -> dict[int, str]:
             continue
         if frame.placement.isIdentity():
             names[frame.parentJoint] = frame.name
-    # Frames that a body can stand for, with the joint of the body.
-    at_joints = {(f.name, f.parentJoint) for f in model.frames if _is_at_joint(f)}
-    points = {f.name for f in model.frames if f.type in (*POINTS, LINK)}
+
+    # Frames at the origin of a body, by name and joint, and names that frames other than those of
+    # joints have.
+    at_origin = {(f.name, f.parentJoint) for f in model.frames if _is_at_joint(f)}
+    names_of_frames = {f.name for f in model.frames if f.type in (*POINTS, LINK)}
     for joint, name in names.items():
-        if name in points and (name, joint) not in at_joints:
+        if name in names_of_frames and (name, joint) not in at_origin:
             names[joint] = f"{name}_joint"
     return names
 
