@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Limits of the motors that hold for any preload.
 
-The part of a torque in its limits is p = (2 tau - largest - least) / (largest - least): -1 is the
-least torque, 1 the largest. With surplus motors, tau may have any preload, tau + N x, with the
-directions N and any x. The parts become p + D x, with D = 2 N / (largest - least).
+The part of a torque in its limits is the torque normalised to the range from -1 to 1,
+
+    p = (2 tau - largest - least) / (largest - least).
+
+With surplus motors, tau may have any preload, tau + N x, with the directions N, in columns, and any
+x. The parts become p + D x, with D = 2 N / (largest - least).
 
 A sum c^T p does not depend on the preload if c^T D = 0. For each choice of k + 1 motors, with k
 directions, there is one such c, whose entries are minors of D. By Farkas' lemma, a preload that
