@@ -32,7 +32,13 @@ from ..simulation.nonsmooth_rollout import NonsmoothRollout
 from ..simulation.trajectories import Trajectory, require_motion
 from ..version import __version__
 from .curve_sets import curves_of, joints_of, rates_of, torques_of
-from .force_shares import NO_FORCES, contact_forces, reaction_forces, torque_shares
+from .force_shares import (
+    NO_FORCES,
+    ShownForces,
+    contact_forces,
+    reaction_forces,
+    torque_shares,
+)
 from .live_data import live_data
 from .meshcat_scene import MeshcatScene
 from .page_samples import mean_forces, same_time, samples_of_page, states_of, thinned
@@ -197,18 +203,14 @@ class Viewer:
             self.show(motion.q[0], motion.tau[0])
             return
 
-        # Forces and curves.
+        # Forces and curves: a nonsmooth motion has contacts, others have torques and reactions.
         samples = samples_of_page(len(motion))
         shown = motion[samples]
         contacts = NO_FORCES
         reactions = NO_FORCES
         if rollout is None:
             curves = curves_of(self._robot, shown)
-            if self._with_reactions:
-                require_no_other_loads(self._robot.engine, shown)
-                reactions = reaction_forces(
-                    self._robot, shown.q, shown.va, None, shown.tau, self._stiffness
-                )
+            reactions = self._reactions_of(shown)
         else:
             curves = [joints_of(self._robot, shown.q), rates_of(shown)]
             if self._scene.contacts:
@@ -239,6 +241,17 @@ class Viewer:
             speed=speed,
             layers=layers,
         )
+
+    def _reactions_of(self, motion: Trajectory) -> ShownForces:
+        """The reactions along a motion under its torques and weights; none if they are not shown.
+
+        Raises:
+            InputError: If other forces act.
+        """
+        if not self._with_reactions:
+            return NO_FORCES
+        require_no_other_loads(self._robot.engine, motion)
+        return reaction_forces(self._robot, motion.q, motion.va, None, motion.tau, self._stiffness)
 
     @property
     def warnings(self) -> tuple[str, ...]:
