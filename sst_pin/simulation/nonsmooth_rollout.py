@@ -111,16 +111,12 @@ def nonsmooth_rollout(
         raise InputError("tau", f"shape {arguments.tau.shape}, expected {expected}")
     rows = NonsmoothRows(mechanism, motor_gains(motor_stiffness, motor_damping, motors))
     if motor_positions is None:
-        positions = _motor_positions(engine, rows, arguments.q0)[..., None, :]
+        positions_at_start = _motor_positions(engine, rows, arguments.q0)
+        positions = _in_each_step(positions_at_start[..., None, :], steps)
     else:
         checked = finite_array if arguments.raises else as_array
         positions = checked("motor_positions", motor_positions, (motors,))
-        if positions.ndim == 1:
-            positions = positions[None]
-    if positions.shape[-2] not in (1, steps):
-        expected = f"(..., {steps}, {motors})"
-        raise InputError("motor_positions", f"shape {positions.shape}, expected {expected}")
-    positions = np.broadcast_to(positions, (*positions.shape[:-2], steps, motors))
+        positions = _in_each_step(positions, steps)
 
     samples = arguments.samples(positions)
     assert samples.motor_positions is not None
@@ -152,6 +148,20 @@ def nonsmooth_rollout(
             at_start=first in motions.cannot_start,
         )
     return _results(rows, arrays, samples.batch, motions.steps_made)
+
+
+def _in_each_step(positions: Array, steps: int) -> Array:
+    """Positions that the motors hold in each step, shape (..., steps, motors).
+
+    They have this shape already, or are the same in all steps, shape (..., 1, motors) or (motors,).
+    """
+    if positions.ndim == 1:
+        positions = positions[None]
+    motors = positions.shape[-1]
+    if positions.shape[-2] not in (1, steps):
+        expected = f"(..., {steps}, {motors})"
+        raise InputError("motor_positions", f"shape {positions.shape}, expected {expected}")
+    return np.broadcast_to(positions, (*positions.shape[:-2], steps, motors))
 
 
 def _motor_positions(engine: Engine, rows: NonsmoothRows, q: Array) -> Array:
