@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -190,15 +191,7 @@ def reach_map(
     A = _motion_by_motors(chain, q_reached, frame, grid)
     _warn_of_thin_map(A, grid.tangents()[reached], grid)
 
-    # Torques that hold these poses.
-    tau = chain.compute_torques(q_reached, zero_rates, zero_rates)
-    G = torques_of_wrenches(chain, q_reached, frame)
-    tau = tau - load @ G.mT  # the wrench w on the frame replaces the torques G w
-    preloads = chain.preload_directions(q_reached)
-    holding = np.empty(tau.shape)
-    for k in range(len(tau)):
-        holding[k] = within_limits(tau[k], preloads[k], limits)
-
+    holding = _holding(chain, q_reached, frame, load, limits)
     motors = columns_of("tau", chain.motor_names, chain.motor_units)
     joints = columns_of("q", chain.position_names, chain.position_units)
     return ReachMap(
@@ -208,10 +201,30 @@ def reach_map(
         why=why,
         q=q,
         condition=_on_grid(reached, _conditions(A)),
-        torque=_on_grid(reached, holding),
-        used=_on_grid(reached, largest_part(tau, preloads, limits)),
+        torque=_on_grid(reached, holding.torques),
+        used=_on_grid(reached, holding.used),
         columns=(*motors, *joints),
     )
+
+
+class _Holding(NamedTuple):
+    """Torques that hold some poses; see `ReachMap`."""
+
+    torques: Array  #: Shape (N, motors).
+    used: Array  #: Shape (N,).
+
+
+def _holding(chain: ClosedChain, q: Array, frame: str, load: Array, limits: Array) -> _Holding:
+    """Torques that hold configurations, shape (N, nq), with a wrench on the frame, shape (6,)."""
+    at_rest = np.zeros(chain.degrees_of_freedom)
+    tau = chain.compute_torques(q, at_rest, at_rest)
+    G = torques_of_wrenches(chain, q, frame)
+    tau = tau - load @ G.mT  # the wrench w on the frame replaces the torques G w
+    preloads = chain.preload_directions(q)
+    torques = np.empty(tau.shape)
+    for k in range(len(tau)):
+        torques[k] = within_limits(tau[k], preloads[k], limits)
+    return _Holding(torques, used=largest_part(tau, preloads, limits))
 
 
 def _on_grid(reached: Flags, values: Array) -> Array:
