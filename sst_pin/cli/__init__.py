@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         try:
-            _refuse_closed_streams()
+            _replace_closed_streams()
             with _sigterm_unwinds():
                 from .commands import run  # slow, so inside `try`: Ctrl-C works meanwhile
 
@@ -73,12 +73,22 @@ class ClosedStream(io.TextIOBase):
         raise OSError(errno.EBADF, os.strerror(errno.EBADF), "standard input")
 
 
-def _refuse_closed_streams() -> None:
-    """Python has None in place of closed streams, and `print` drops what it should write."""
+class UnreadStream(io.TextIOBase):
+    """Standard error that the caller has closed: what is written is dropped."""
+
+    def write(self, text: str) -> int:
+        """Drop a text."""
+        return len(text)
+
+
+def _replace_closed_streams() -> None:
+    """Python has None in place of closed streams, and `print` to None writes to standard output."""
     if sys.stdin is None:
         sys.stdin = ClosedStream()
     if sys.stdout is None:
         sys.stdout = ClosedStream()
+    if sys.stderr is None:
+        sys.stderr = UnreadStream()
 
 
 def _end(code: int, message: str = "") -> int:

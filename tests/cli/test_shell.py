@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import sst_pin
+from sst_pin.cli import main
 from sst_pin.files import text_writer, write_files
 from tests.support.command_line import run
 from tests.support.files import ROOT
@@ -175,3 +176,9 @@ def test_a_command_that_writes_a_file_needs_no_output(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, env=environment, check=False)
     assert done.returncode == 0
     assert (tmp_path / "torques.csv").stat().st_size > 100
+
+
+def test_messages_are_not_mixed_with_the_result_if_standard_error_is_closed(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", None)
+    assert main(["torques", "no_such_file.csv", "-o", "-"]) == 2
+    assert capsys.readouterr().out == ""
