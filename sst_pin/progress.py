@@ -66,7 +66,9 @@ def counted(
 
 def _watched() -> bool:
     """Whether a person watches the output: a bar in a log is thousands of lines."""
-    return sys.stderr.isatty() or "ipykernel" in sys.modules
+    if "ipykernel" in sys.modules:
+        return True
+    return sys.stderr is not None and sys.stderr.isatty()  # a daemon may have none
 
 
 @contextmanager

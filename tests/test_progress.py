@@ -102,3 +102,9 @@ def test_a_large_rollout_says_what_it_does(impatient, monkeypatch, caplog):
     records = [record.getMessage() for record in caplog.records]
     assert "sst-pin: rollout of 3 motions" in records
     assert any("model five_bar: checking its closures" in text for text in records)
+
+
+def test_no_bar_is_shown_to_a_process_without_standard_error(monkeypatch):
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(sys, "stderr", None)
+    assert list(progress.counted([1, 2, 3], "samples")) == [1, 2, 3]
