@@ -138,39 +138,30 @@ def _without_noise(wrenches: Array, length: float) -> Array:
 
 def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determined: bool) -> Load:
     """A row of the table, for vectors of shape (N, 3)."""
-    known = np.asarray(np.isfinite(vectors).all(axis=0))
-    components = "".join(axis for axis, is_known in zip("xyz", known, strict=True) if is_known)
-    if not components:
-        nan = float("nan")
-        return Load(
-            name=name,
-            kind=kind,
-            peak=nan,
-            time=nan,
-            x=nan,
-            y=nan,
-            z=nan,
-            rms=nan,
-            determined=determined,
-            components="",
-        )
-    sizes = np.linalg.norm(vectors[:, known], axis=1)
-    peak = float(sizes.max())
-    at = int(np.argmax(sizes >= (1 - _ROUNDING) * peak))  # first of equal peaks
-    rms = float(np.sqrt(np.average(sizes**2, weights=weights)))
-    direction = vectors[at] / peak if peak > 0 else vectors[at]
-    x, y, z = np.where(known, direction, np.nan).tolist()
+    is_known = np.asarray(np.isfinite(vectors).all(axis=0))
+    peak = np.nan
+    time = np.nan
+    rms = np.nan
+    direction = np.full(3, np.nan)
+    if is_known.any():
+        sizes = np.linalg.norm(vectors[:, is_known], axis=1)
+        peak = float(sizes.max())
+        at = int(np.argmax(sizes >= (1 - _ROUNDING) * peak))  # first of equal peaks
+        time = float(t[at])
+        rms = float(np.sqrt(np.average(sizes**2, weights=weights)))
+        direction[is_known] = vectors[at, is_known] / (peak or 1.0)
+    x, y, z = direction.tolist()
     return Load(
         name=name,
         kind=kind,
         peak=peak,
-        time=float(t[at]),
+        time=time,
         x=x,
         y=y,
         z=z,
         rms=rms,
         determined=determined,
-        components=components,
+        components="".join(axis for axis, known in zip("xyz", is_known, strict=True) if known),
     )
 
 
