@@ -8,7 +8,7 @@ pull request 264).
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -67,28 +67,28 @@ def loop_elements(root: ET.Element) -> LoopElements:
     joints = list[CutJoint]()
     problems = list[Problem]()
 
+    def add(
+        element: ET.Element, faults: Iterable[str], read: Callable[[ET.Element, _Tree], CutJoint]
+    ) -> None:
+        """Add a joint, or the problems of its element."""
+        with _reporting(problems, element, faults):
+            joint = read(element, tree)
+            joints.append(joint)
+            problems.extend(_ignored_limits(element, joint.name))
+
     # Joints of URDF+, Isaac Sim and urdfdom.
     for tag, sides in _SIDES.items():
         for element in root.findall(tag):
-            with _reporting(problems, element, _faults(element, sides)):
-                joint = _joint(element, tree)
-                joints.append(joint)
-                problems += _ignored_limits(element, joint.name)
+            add(element, _faults(element, sides), _joint)
         if _is_nested(root, tag, sides[0]):
             problems.append(error(tag, "it must be a direct child of <robot>"))
     # Joints of Gazebo.
     for element in root.findall("gazebo/joint[parent]"):
-        with _reporting(problems, element, _faults_of_gazebo(element)):
-            joint = _gazebo_joint(element, tree)
-            joints.append(joint)
-            problems += _ignored_limits(element, joint.name)
+        add(element, _faults_of_gazebo(element), _gazebo_joint)
     # Balls of Drake.
     for index, ball in enumerate(root.iter(_BALL), 1):
         element = _constraint_of(ball, index)
-        with _reporting(problems, element, _faults(element, _SIDES["constraint"])):
-            joint = _joint(element, tree)
-            joints.append(joint)
-            problems += _ignored_limits(element, joint.name)
+        add(element, _faults(element, _SIDES["constraint"]), _joint)
     # Gears of URDF+.
     gears = list[Coupling]()
     independent = tuple(_independent(root))
