@@ -212,11 +212,11 @@ class _Motions:
         for i in counted(range(len(arrays.q)), "rollout", len(arrays.q)):
             if self.steps_made[i] > 0 or self._can_start(i):
                 self._complete(i)
-            made = int(self.steps_made[i])
-            arrays.q[i, made + 1 :] = np.nan
-            arrays.va[i, made + 1 :] = np.nan
-            arrays.forces[i, made:] = np.nan
-            arrays.residual[i, made:] = np.nan
+            steps_made = int(self.steps_made[i])
+            arrays.q[i, steps_made + 1 :] = np.nan
+            arrays.va[i, steps_made + 1 :] = np.nan
+            arrays.forces[i, steps_made:] = np.nan
+            arrays.residual[i, steps_made:] = np.nan
 
     def _can_start(self, i: int) -> bool:
         """Whether motion i can start; if not, its error is added."""
@@ -232,18 +232,18 @@ class _Motions:
         """Make the steps of motion i that compiled code has not made."""
         arrays = self._arrays
         steps = arrays.residual.shape[1]
-        made = int(self.steps_made[i])
-        while made < steps and i not in self.errors:
+        steps_made = int(self.steps_made[i])
+        while steps_made < steps and i not in self.errors:
             end = self._reference.fill(
-                arrays, i, made, partial(self._wrenches, i), until_good=self._code is not None
+                arrays, i, steps_made, partial(self._wrenches, i), until_good=self._code is not None
             )
-            made = end.valid - 1  # the first state is the start
+            steps_made = end.valid - 1  # the first state is the start
             if end.error is not None:
                 self.errors[i] = end.error
-            elif self._code is not None and made < steps:
-                rest = arrays.part(slice(i, i + 1), made)  # views, which the code fills
-                made += int(self._code.run(self._rows, rest, 1)[0])
-        self.steps_made[i] = made
+            elif self._code is not None and steps_made < steps:
+                rest = arrays.part(slice(i, i + 1), steps_made)  # views, which the code fills
+                steps_made += int(self._code.run(self._rows, rest, 1)[0])
+        self.steps_made[i] = steps_made
 
     def _wrenches(self, i: int, q: Array) -> Array | None:
         """External wrenches on the bodies of motion i at a configuration, shape (r, 6)."""
