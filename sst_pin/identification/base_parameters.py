@@ -135,27 +135,27 @@ def base_parameters(
     combinations = _combinations(rows)
     independent_columns = considered[combinations.independent]
     matrix = np.zeros((len(independent_columns), len(theta)))
-    matrix[:, considered[combinations.seen]] = combinations.factors
+    matrix[:, considered[combinations.nonzero]] = combinations.factors
     return BaseParameters(
         names=tuple(_combination_name(row, theta.names) for row in matrix),
         matrix=matrix,
         columns=independent_columns,
         considered=considered,
-        unseen=tuple(theta.names[k] for k in np.delete(considered, combinations.seen)),
+        unseen=tuple(theta.names[k] for k in np.delete(considered, combinations.nonzero)),
         parameters=theta.names,
     )
 
 
 class _Combinations(NamedTuple):
-    """The columns of a matrix A as combinations: A[:, seen] = A[:, independent] F.
+    """The columns of a matrix A as combinations: A[:, nonzero] = A[:, independent] F.
 
     Attributes:
-        seen: Numbers of the columns that are not zero.
+        nonzero: Numbers of the columns that are not zero.
         independent: Numbers of b columns that do not depend on columns before them.
-        factors: F, shape (b, seen).
+        factors: F, shape (b, nonzero).
     """
 
-    seen: Indices
+    nonzero: Indices
     independent: Indices
     factors: Array
 
@@ -164,15 +164,15 @@ def _combinations(A: Array) -> _Combinations:
     """The columns of A as combinations of independent ones."""
     # All columns are compared in units of their sizes.
     sizes = np.linalg.norm(A, axis=0)
-    seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
-    is_independent = np.isin(seen, independent(A, _DEPENDENT))
-    scaled = A[:, seen] / sizes[seen]
+    nonzero = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
+    is_independent = np.isin(nonzero, independent(A, _DEPENDENT))
+    scaled = A[:, nonzero] / sizes[nonzero]
     factors = np.linalg.lstsq(scaled[:, is_independent], scaled, rcond=None)[0]
     # Smaller factors are rounding.
     factors[np.abs(factors) <= _DEPENDENT] = 0.0
     # A column of A is its size times the scaled column.
-    ratios = sizes[seen] / sizes[seen[is_independent], None]
-    return _Combinations(seen, seen[is_independent], factors * ratios)
+    ratios = sizes[nonzero] / sizes[nonzero[is_independent], None]
+    return _Combinations(nonzero, nonzero[is_independent], factors * ratios)
 
 
 def _arrays_of(motion: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[ArrayLike, ...]:
@@ -338,10 +338,10 @@ def independent(A: Array, tolerance: float) -> Indices:
     Gram and Schmidt's process: QR without pivots would lose a row to each dependent column.
     """
     sizes = np.linalg.norm(A, axis=0)
-    seen = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))
+    nonzero = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))
     basis = np.zeros((len(A), min(A.shape)))
     chosen = list[int]()
-    for k in seen:
+    for k in nonzero:
         residual = A[:, k] / sizes[k]
         before = basis[:, : len(chosen)]
         for _ in range(2):  # the second time removes the rounding of the first

@@ -202,8 +202,8 @@ class Poses(Measurement):
         """Rows of positions, then of orientations if there are any."""
         p, J = frames.positions()
         measured = self.measured_positions
-        seen = np.isfinite(measured)
-        kinds = [Rows((measured - p)[seen], J[seen])]
+        is_measured = np.isfinite(measured)
+        kinds = [Rows((measured - p)[is_measured], J[is_measured])]
         array = np.asarray(self.poses, dtype=float)
         if array.ndim == 3:
             k = np.flatnonzero(np.isfinite(array[:, :3, :3]).all(axis=(1, 2)))
