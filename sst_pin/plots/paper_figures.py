@@ -48,8 +48,8 @@ def _path_errors(
     """Angle between the axis s and the wanted one over time, logarithmic."""
     for (label, motion), look in zip(motions, PATHS[1:], strict=True):
         error = angles_off_path(robot, wanted, motion)
-        seen = error > 0  # an exact zero has no place on the axis
-        ax.semilogy(motion.t[seen], error[seen], label=label, **look)
+        is_shown = error > 0  # an exact zero has no place on the axis
+        ax.semilogy(motion.t[is_shown], error[is_shown], label=label, **look)
     ax.set(xlabel="time (s)", ylabel="angle off the path (rad)", xlim=wanted.t[[0, -1]])
     ax.legend()
 

@@ -128,15 +128,15 @@ def paths_on_sphere(
     radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
     styles = PATHS if len(motions) > 1 else PATHS[1:]
-    seen = [robot.geometry.R_0[:, :, 0]]
+    directions = [robot.geometry.R_0[:, :, 0]]
     for (label, motion), look in zip(motions, styles, strict=False):
         s = robot.platform_orientation(motion.q)[:, :, 0]
         ax.plot(*(radius * s).T, label=label, zorder=10, **look)
-        seen.append(s)
+        directions.append(s)
     ax.plot(*(radius * s[:1]).T, "o", color="black", markersize=3, zorder=11)
     if len(motions) > 1:
         ax.legend(loc="upper left", bbox_to_anchor=(-0.05, 1.0), handlelength=2.6)
-    _equal_space(ax, robot, radius, np.concatenate(seen))
+    _equal_space(ax, robot, radius, np.concatenate(directions))
     return ax
 
 
