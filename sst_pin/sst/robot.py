@@ -85,12 +85,12 @@ def _require_sst(description: RobotFile) -> None:
             welds.add((frozenset((closure.frame_a, closure.frame_b)), closure.held))
     if len(closures) != len(_WELDS) or welds != _WELDS:
         names = ", ".join(f"{c} ({getattr(c, 'kind', 'no weld')})" for c in closures)
-        wanted = " and ".join(f"{a} - {b}" for a, b in sorted(CUTS))
+        expected = " and ".join(f"{a} - {b}" for a, b in sorted(CUTS))
         names = f"closures or equalities {names or 'are missing'}"
-        problems.append(f"{names}; an SST has the welds (6d) {wanted}")
+        problems.append(f"{names}; an SST has the welds (6d) {expected}")
     if tuple(description.actuated) != MOTOR_NAMES:
-        wanted = ", ".join(MOTOR_NAMES)
-        problems.append(f"motors {list(description.actuated)}; an SST has {wanted}")
+        expected = ", ".join(MOTOR_NAMES)
+        problems.append(f"motors {list(description.actuated)}; an SST has {expected}")
     if problems:
         raise DescriptionError(description.source, problems)
 
