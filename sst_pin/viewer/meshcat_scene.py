@@ -149,6 +149,8 @@ def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]
 
     Values that do not change are left out.
     """
+    # The columns of A are axes of the node times its scales. The axes of a quaternion are
+    # right-handed, so that a mirrored node has a negative scale.
     A = np.array(matrices)[:, :3, :3]
     scale = np.linalg.norm(A, axis=1)
     scale[np.linalg.det(A) < 0, 1] *= -1

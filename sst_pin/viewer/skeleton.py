@@ -120,8 +120,8 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
     for frame in model.frames:
         on_body = points[frame.parentJoint]
         point = frame.placement.translation
-        seen = any(np.linalg.norm(point - other) < _SAME_POINT for other in on_body)
-        if frame.parentJoint and frame.type in _ENDS and not seen:
+        is_known = any(np.linalg.norm(point - other) < _SAME_POINT for other in on_body)
+        if frame.parentJoint and frame.type in _ENDS and not is_known:
             on_body.append(point)
 
     # The mass centre of a body with nothing but its joint.
