@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Steps of a page with contacts, ropes, cables, stops and dry friction, as `dynamics/nonsmooth_step.py`
 // and `dynamics/impulses.py` make them; those files say why. The solver is that of
-// `c/nonsmooth_solver.h`, with the most series of Warp. Three things differ from the C: a contact or rope
+// `c/impulses.h`, with the most series of Warp. Three things differ from the C: a contact or rope
 // that starts violated is lifted slowly (`rise`) instead of refused; cables get no gains of motors; and
 // Newton's matrix is always solved with pivots.
 // `elements` are the numbers of the rows, in the order contacts (three rows each), ropes, cables,

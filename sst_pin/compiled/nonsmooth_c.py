@@ -16,6 +16,9 @@ from .kernels import SymbolicKernel
 from .nonsmooth_kernel import NonsmoothTerms, advance
 from .nonsmooth_motions import DETERMINANT_CHANGE, LEAST_DETERMINANT
 
+#: Files of the folder `c` that make a step of one robot.
+SOLVER = ("dense_solvers.h", "impulses.h", "nonsmooth_step.h")
+
 
 class StepSource(NamedTuple):
     """What the code of a step is made from, in C and for Warp."""
@@ -38,7 +41,7 @@ def step_source(
     contacts = mechanism.contacts
     layout = symbols.layout
     inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then the rest
-    # The first members of `rows_of_robot` in nonsmooth_solver.h, in their order; `places` and the
+    # The first members of `rows_of_robot` in nonsmooth_step.h, in their order; `places` and the
     # tables below are the further ones.
     counts = {
         "n": layout.n,
@@ -99,7 +102,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
     source = step_source(equations, rows, Checks(equations))
     parts = [f"#define LANES {lanes}"]
-    parts += [part(name) for name in ("real.h", "ways.h", "driver.h", "nonsmooth_solver.h")]
+    parts += [part(name) for name in ("real.h", "ways.h", "driver.h", *SOLVER)]
     size = None  # of p: the kernels share one array of parameters, to which each adds its constants
     room = 0  # the largest number of intermediate results of a kernel
     for kernel in source.kernels:

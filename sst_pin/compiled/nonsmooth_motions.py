@@ -100,7 +100,7 @@ def other_lines(rows: NonsmoothRows) -> list[int]:
 
 
 def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Array) -> Array:
-    """The numbers of a step in the order of `c/nonsmooth_solver.h`, shape (robots, count).
+    """The numbers of a step in the order of `c/nonsmooth_step.h`, shape (robots, count).
 
     Args:
         rows: The rows and gains, the same for all robots.

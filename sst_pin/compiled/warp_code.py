@@ -17,7 +17,7 @@ from .along_directions import Directions
 from .c_code import Style
 from .compiled_states import CHANGE, NEARBY
 from .kernels import WRENCHES, SymbolicKernel
-from .nonsmooth_c import StepSource
+from .nonsmooth_c import SOLVER, StepSource
 from .symbolic_parameters import SIGN_WIDTH
 
 #: Newton's method onto the closures: the longest first step, [rad] or robot lengths, and the
@@ -128,7 +128,7 @@ def nonsmooth_module(source: StepSource, style: Style) -> str:
     functions = _generated_functions(source.kernels, style)
     blanks = _blanks_of_inputs(terms) | source.blanks | {"room": functions.room}
     code = [
-        *map(c_code.part, ("nonsmooth_solver.h", "nonsmooth_move.h")),
+        *map(c_code.part, (*SOLVER, "nonsmooth_move.h")),
         c_code.filled("entries/warp_nonsmooth.h", blanks),
     ]
     run = _kernel("run", NONSMOOTH, functions, code, style)
