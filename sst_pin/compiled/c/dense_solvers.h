@@ -1,44 +1,52 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Matrices of nonsmooth steps. The compiled rollout takes this file as C, kernels of Warp as C++ in a
- * class, in either precision; see real.h. Matrices are row-major. */
+/* Linear equations of nonsmooth steps, with full matrices of a few dozen rows. The compiled rollout
+ * takes this file as C, kernels of Warp as C++ in a class, in either precision; see real.h.
+ *
+ * A matrix is stored row by row. The length of a row, `wide`, is a multiple of WIDE, and the numbers
+ * behind the last column are zero: so a loop over a row consists of whole vectors of WIDE numbers. */
+
+/* FAST is a function that is compiled for speed, INLINED one that is also short or has one call. */
 #ifdef __cplusplus
-#define SMALL HELPER
-/* Not inline: with a copy at each call, the compiler for GPUs takes minutes. */
+/* A copy of a large function at each call would keep the compiler for GPUs busy for minutes. */
 #define FAST static __attribute__((noinline))
+#define INLINED HELPER
 #else
 #include <math.h>
 #include <string.h>
+/* To add up a row in vectors, the compiler must be allowed to change the order of the sum. */
 #define FAST static __attribute__((optimize("O3", "associative-math", "no-signed-zeros"), unused))
-#define SMALL FAST
+#define INLINED FAST /* the compiler decides */
 #endif
 
-/* Pivots below LEAST_PIVOT times their diagonal entries are rounding. */
+/* A pivot below this part of its diagonal entry is rounding: the matrix is not positive definite. */
 #ifdef SINGLE
-#define SIZE(x) fabsf(x)
+#define MAGNITUDE(x) fabsf(x)
 #define ROOT(x) sqrtf(x)
 #define LEAST_PIVOT 1e-7f
 #else
-#define SIZE(x) fabs(x)
+#define MAGNITUDE(x) fabs(x)
 #define ROOT(x) sqrt(x)
 #define LEAST_PIVOT 1e-12
 #endif
 #define IS_FINITE(x) ((x) * 0 == 0)
 
-/* Rows of matrices are filled with zeros up to a multiple of WIDE numbers, so that vectors have no
- * rest; what stands left of a diagonal is not read. */
+/* Eight doubles are the largest vector of processors, of 512 bits. */
 #define WIDE 8
+/* The length of a row for n columns. */
 #define FILLED(n) (((n) + WIDE - 1) / WIDE * WIDE)
 
-/* y += a x from number `first` of rows of `wide` numbers on, or from a few before it. */
-SMALL void add_row(number *restrict y, number a, const number *restrict x, int first, int wide)
+/* y += a x for rows, from column `first` on. It begins with the vector that contains this column, so
+ * that up to WIDE - 1 columns before it change too: callers do not read them again. */
+INLINED void add_row(number *restrict y, number a, const number *restrict x, int first, int wide)
 {
     for (int i = first / WIDE * WIDE; i < wide; i += WIDE)
         for (int j = 0; j < WIDE; j++)
             y[i + j] += a * x[i + j];
 }
 
-/* A = U^T D U in place: U above the diagonal, which is 1, and reciprocals of D on it; false if a pivot
- * is too small. `least` is workspace. */
+/* A = U^T D U of a symmetric matrix, in place: U has a unit diagonal. The result has U above the
+ * diagonal and 1 / D on it; what is left of the diagonal is neither read nor a result. False if A is
+ * not positive definite. `least` is workspace, shape (n,). */
 FAST int factorize(number *A, int n, int wide, number *least)
 {
     for (int k = 0; k < n; k++)
@@ -58,7 +66,7 @@ FAST int factorize(number *A, int n, int wide, number *least)
     return 1;
 }
 
-/* U x = b, in place. */
+/* U x = b, in place, with a unit diagonal. */
 FAST void solve_upper(const number *restrict U, number *restrict b, int n, int wide)
 {
     for (int k = n - 1; k >= 0; k--) {
@@ -69,7 +77,7 @@ FAST void solve_upper(const number *restrict U, number *restrict b, int n, int w
     }
 }
 
-/* U^T D U x = b, in place. */
+/* U^T D U x = b, in place, with the result of `factorize`. */
 FAST void solve_symmetric(const number *restrict U, number *restrict b, int n, int wide)
 {
     for (int k = 0; k < n; k++)
@@ -80,39 +88,42 @@ FAST void solve_symmetric(const number *restrict U, number *restrict b, int n, i
     solve_upper(U, b, n, wide);
 }
 
-/* U^T D^(1/2) Z = b, in place, for many right sides in rows of `many` numbers, a multiple of WIDE. */
-FAST void solve_many(const number *U, number *b, int n, int wide, int many)
+/* U^T D^(1/2) Z = B, in place, with the result of `factorize`. B has rows of `many` numbers, a multiple
+ * of WIDE. So Z^T Z = B^T A^-1 B. */
+FAST void solve_many(const number *U, number *B, int n, int wide, int many)
 {
     for (int k = 0; k < n; k++)
         for (int i = k + 1; i < n; i++)
             if (U[k * wide + i] != 0)
-                add_row(b + i * many, -U[k * wide + i], b + k * many, 0, many);
+                add_row(B + i * many, -U[k * wide + i], B + k * many, 0, many);
     for (int k = 0; k < n; k++) {
-        const number root = ROOT(U[k * wide + k]);
+        const number root = ROOT(U[k * wide + k]); /* of 1 / D */
         for (int j = 0; j < many; j++)
-            b[k * many + j] *= root;
+            B[k * many + j] *= root;
     }
 }
 
-/* D x = right by elimination with pivots, in place; false if a pivot is zero. */
+INLINED void exchange(number *a, number *b)
+{
+    const number first = *a;
+    *a = *b;
+    *b = first;
+}
+
+/* D x = right for any regular D, in place: Gauss elimination with row pivots. False if D is singular. */
 FAST int solve_general(number *D, number *right, int n, int wide)
 {
     for (int k = 0; k < n; k++) {
-        int largest = k;
+        int pivot = k;
         for (int i = k + 1; i < n; i++)
-            if (SIZE(D[i * wide + k]) > SIZE(D[largest * wide + k]))
-                largest = i;
-        if (!(SIZE(D[largest * wide + k]) > 0))
+            if (MAGNITUDE(D[i * wide + k]) > MAGNITUDE(D[pivot * wide + k]))
+                pivot = i;
+        if (!(MAGNITUDE(D[pivot * wide + k]) > 0)) /* NaN too */
             return 0;
-        if (largest != k) {
-            for (int j = k; j < n; j++) {
-                const number kept = D[k * wide + j];
-                D[k * wide + j] = D[largest * wide + j];
-                D[largest * wide + j] = kept;
-            }
-            const number kept = right[k];
-            right[k] = right[largest];
-            right[largest] = kept;
+        if (pivot != k) {
+            for (int j = k; j < n; j++)
+                exchange(&D[k * wide + j], &D[pivot * wide + j]);
+            exchange(&right[k], &right[pivot]);
         }
         const number inverse = 1 / D[k * wide + k];
         for (int j = k; j < n; j++)

@@ -33,7 +33,7 @@ typedef struct {
     number factors_for;
 } problem;
 
-SMALL number length_of(number a, number b)
+INLINED number length_of(number a, number b)
 {
     return ROOT(a * a + b * b);
 }
@@ -66,9 +66,9 @@ FAST number residual_at(problem *p, const number *x)
         }
     }
     for (int i = 0; i < m; i++) {
-        largest = SIZE(p->F[i]) > largest || p->F[i] != p->F[i] ? SIZE(p->F[i]) : largest;
-        size = SIZE(x[i]) > size ? SIZE(x[i]) : size;
-        rates = SIZE(p->u[i]) > rates ? SIZE(p->u[i]) : rates;
+        largest = MAGNITUDE(p->F[i]) > largest || p->F[i] != p->F[i] ? MAGNITUDE(p->F[i]) : largest;
+        size = MAGNITUDE(x[i]) > size ? MAGNITUDE(x[i]) : size;
+        rates = MAGNITUDE(p->u[i]) > rates ? MAGNITUDE(p->u[i]) : rates;
     }
     size = size < LARGEST * rates ? size : LARGEST * rates;
     return largest == 0 ? 0 : largest / size;
@@ -85,7 +85,7 @@ FAST int newton_step(problem *p, number *x, number proximal)
         if (p->kinds[i] == STOP)
             p->inside[i] = y > 0;
         else if (p->kinds[i] == DRY)
-            p->inside[i] = SIZE(y) <= p->bounds[i];
+            p->inside[i] = MAGNITUDE(y) <= p->bounds[i];
         else if (p->kinds[i] == NORMAL && y > 0) {
             const int slips = length_of(p->y[i - 2], p->y[i - 1]) > p->bounds[i] * y;
             p->inside[i] = 1;

@@ -22,7 +22,7 @@ typedef struct {
 #define FLAGS(m) (5 * (m) + 1)
 
 /* Rate of the row of impulse i for rates v of the coordinates. */
-SMALL number rate_of(const rows_of_robot *f, const number *entries, const number *v, int i)
+INLINED number rate_of(const rows_of_robot *f, const number *entries, const number *v, int i)
 {
     const int row = f->impulse_row[i];
     number sum = 0;
@@ -32,11 +32,11 @@ SMALL number rate_of(const rows_of_robot *f, const number *entries, const number
 }
 
 /* Whether the row of impulse i can change its gap, number g: whether it is more than rounding. */
-SMALL int can_move(const rows_of_robot *f, const number *entries, int i, int g)
+INLINED int can_move(const rows_of_robot *f, const number *entries, int i, int g)
 {
     const int row = f->impulse_row[i];
     for (int a = f->row_start[row]; a < f->row_start[row + 1]; a++)
-        if (SIZE(entries[a]) * f->coordinate_scale[f->row_column[a]] > HELD_BY_LOOPS * f->gap_scale[g])
+        if (MAGNITUDE(entries[a]) * f->coordinate_scale[f->row_column[a]] > HELD_BY_LOOPS * f->gap_scale[g])
             return 1;
     return 0;
 }
