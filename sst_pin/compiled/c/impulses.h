@@ -1,9 +1,27 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Impulses of stops, dry friction, ropes, cables and contacts in one step of one robot, as
- * dynamics/impulses.py computes them; that file says why. It needs dense_solvers.h. */
+/* The impulses x of the m rows that act in one step. It needs dense_solvers.h.
+ *
+ * With the rates w = A x + u of the rows after the impulses, a row i is of one of these kinds:
+ *
+ *     STOP    0 <= x_i,  0 <= w_i,  x_i w_i = 0
+ *     DRY     |x_i| <= bound_i;  w_i = 0, or x_i = -bound_i sign w_i
+ *     SIDE, SIDE, NORMAL of a contact: the normal row i as a stop; the impulse s = (x_i-2, x_i-1) in
+ *             the plane has |s| <= mu x_i;  w_s = 0, or s = -mu x_i w_s / |w_s|
+ *
+ * The rows with STOP alone are a linear complementarity problem; Coulomb's cone makes it nonlinear.
+ * All of it is the equation of Alart and Curnier
+ *
+ *     F(x) = x - P(y) = 0,  y = x - w,
+ *
+ * in which P clips y to the bounds, and the sides of a contact to the circle with the radius mu P_i.
+ * Sweeps of projected Gauss-Seidel come near the solution, and Newton's method on F finishes.
+ *
+ * This is `_Problem` of dynamics/impulses.py, which cites the sources and gives the reasons for the
+ * constants. It starts with some steps of Newton's method from the impulses of the step before, which
+ * in most steps are enough. */
 
-/* What counts as solved, and as exact, relative to the impulses. In single precision rounding leaves
- * residuals of some 3e-7. */
+/* The largest |F| of a solution, and of one that is exact, relative to the impulses. In single
+ * precision rounding leaves residuals of some 3e-7. */
 #ifdef SINGLE
 #define SOLVED 1e-5f
 #define ROUNDING 1e-6f
@@ -11,26 +29,39 @@
 #define SOLVED 1e-9
 #define ROUNDING 1e-11
 #endif
-
-enum { STOP, DRY, SIDE, NORMAL };
+/* Impulses larger than this multiple of the rates u count as this multiple in the residual: where no
+ * impulses solve the step, they grow without bound. */
+#define LARGEST N(1e3)
+/* The most steps of Newton's method from the impulses of the step before. */
+#define WARM_STEPS 6
+/* A series: sweeps, then at most so many steps of Newton's method. */
 #define SWEEPS 10
 #define STEPS 20
+/* Series that improve a solution which is not exact. */
 #define REFINED 3
-#define LARGEST N(1e3)
-/* Steps of Newton's method from the impulses of the step before, without sweeps. */
-#define WARM_STEPS 6
 
-/* A problem x = P(x - w), w = A x + u, with the diagonal of A at most 1. */
+/* Kinds of rows. */
+enum { STOP, DRY, SIDE, NORMAL };
+
+/* The formula of P that holds for a row at y. AT_BOUND: P_i is constant. INSIDE: P_i = y_i. SLIDING, a
+ * side: P_i = mu y_n y_i / |s| with the y of the normal row n and s = (y_n-2, y_n-1). */
+enum { AT_BOUND, INSIDE, SLIDING };
+
 typedef struct {
-    int m, wide; /* wide is FILLED(m), the length of rows of A */
-    const number *A, *u, *bounds;
+    int m, wide;          /* number of rows; length of the rows of A */
+    const number *A;      /* symmetric, shape (m, wide), diagonal entries at most 1 */
+    const number *u;
     const int *kinds;
-    number *w, *F, *y, *dx, *D, *right, *row; /* workspace: m each, D m * m */
-    int *inside;
-    /* Factors in D: of the rows of `factorized`, which are as `inside`, with this proximal term; 0 if
-     * there are none. */
-    int *factorized;
-    number factors_for;
+    const number *bounds; /* largest impulse of a DRY row, friction coefficient mu at a NORMAL row */
+    /* results of `residual_at`; `newton_step` overwrites w */
+    number *w, *y, *F;
+    /* workspace of `newton_step` */
+    int *formula;            /* of P, for each row */
+    number *dx;
+    number *D, *right, *row; /* equations of the rows that are not AT_BOUND; one row of dF / dx */
+    /* D has the factors of the matrix for these formulas and this proximal term; 0: it has none. */
+    int *formula_of_factors;
+    number proximal_of_factors;
 } problem;
 
 INLINED number length_of(number a, number b)
@@ -38,140 +69,191 @@ INLINED number length_of(number a, number b)
     return ROOT(a * a + b * b);
 }
 
-/* w = A x + u, F = x - P(x - w), and the largest |F| relative to the impulses. */
+INLINED number not_negative(number x)
+{
+    return x > 0 ? x : 0;
+}
+
+INLINED number clipped(number x, number bound)
+{
+    return x > bound ? bound : x < -bound ? -bound : x;
+}
+
+/* The factor that puts the vector (a, b) into a circle about the origin: 1 if it is inside. */
+INLINED number into_circle(number a, number b, number radius)
+{
+    const number length = length_of(a, b);
+    return length > radius ? radius / length : 1;
+}
+
+/* Compute w, y and F at x. Returns the largest |F|, relative to the impulses; 0 if all are zero. */
 FAST number residual_at(problem *p, const number *x)
 {
     const int m = p->m;
-    number largest = 0, size = 0, rates = 0;
     memcpy(p->w, p->u, m * sizeof(number));
     memset(p->w + m, 0, (p->wide - m) * sizeof(number));
     for (int i = 0; i < m; i++)
-        if (x[i] != 0)
+        if (x[i] != 0) /* as most are; A is symmetric, its rows are its columns */
             add_row(p->w, x[i], p->A + i * p->wide, 0, p->wide);
     for (int i = 0; i < m; i++)
         p->y[i] = x[i] - p->w[i];
+
     for (int i = 0; i < m; i++) {
-        const number y = p->y[i], bound = p->bounds[i];
+        const number *y = p->y + i;
         if (p->kinds[i] == STOP)
-            p->F[i] = x[i] - (y > 0 ? y : 0);
+            p->F[i] = x[i] - not_negative(*y);
         else if (p->kinds[i] == DRY)
-            p->F[i] = x[i] - (y > bound ? bound : y < -bound ? -bound : y);
+            p->F[i] = x[i] - clipped(*y, p->bounds[i]);
         else if (p->kinds[i] == NORMAL) {
-            const number normal = y > 0 ? y : 0, most = bound * normal;
-            const number side = length_of(p->y[i - 2], p->y[i - 1]);
-            const number factor = side > most ? most / side : 1;
+            const number normal = not_negative(*y);
+            const number factor = into_circle(y[-2], y[-1], p->bounds[i] * normal);
             p->F[i] = x[i] - normal;
-            p->F[i - 1] = x[i - 1] - factor * p->y[i - 1];
-            p->F[i - 2] = x[i - 2] - factor * p->y[i - 2];
+            p->F[i - 1] = x[i - 1] - factor * y[-1];
+            p->F[i - 2] = x[i - 2] - factor * y[-2];
         }
     }
+
+    number largest = 0, impulse = 0, rate = 0;
     for (int i = 0; i < m; i++) {
         largest = MAGNITUDE(p->F[i]) > largest || p->F[i] != p->F[i] ? MAGNITUDE(p->F[i]) : largest;
-        size = MAGNITUDE(x[i]) > size ? MAGNITUDE(x[i]) : size;
-        rates = MAGNITUDE(p->u[i]) > rates ? MAGNITUDE(p->u[i]) : rates;
+        impulse = MAGNITUDE(x[i]) > impulse ? MAGNITUDE(x[i]) : impulse;
+        rate = MAGNITUDE(p->u[i]) > rate ? MAGNITUDE(p->u[i]) : rate;
     }
-    size = size < LARGEST * rates ? size : LARGEST * rates;
-    return largest == 0 ? 0 : largest / size;
+    impulse = impulse < LARGEST * rate ? impulse : LARGEST * rate;
+    return largest == 0 ? 0 : largest / impulse;
 }
 
-/* One step of Newton's method on F, from x and what `residual_at` left; false if it fails. */
+/* Find the formula of P for each row at y. Returns whether a contact slides. */
+INLINED int find_formulas(problem *p)
+{
+    int slides = 0;
+    for (int i = 0; i < p->m; i++) {
+        const number *y = p->y + i;
+        p->formula[i] = AT_BOUND; /* of a side until its normal row is reached */
+        if (p->kinds[i] == STOP)
+            p->formula[i] = *y > 0 ? INSIDE : AT_BOUND;
+        else if (p->kinds[i] == DRY)
+            p->formula[i] = MAGNITUDE(*y) <= p->bounds[i] ? INSIDE : AT_BOUND;
+        else if (p->kinds[i] == NORMAL && *y > 0) {
+            const int of_sides = length_of(y[-2], y[-1]) > p->bounds[i] * *y ? SLIDING : INSIDE;
+            p->formula[i] = INSIDE;
+            p->formula[i - 1] = p->formula[i - 2] = of_sides;
+            slides |= of_sides == SLIDING;
+        }
+    }
+    return slides;
+}
+
+/* Whether D has the factors for the formulas and this proximal term already. Afterwards it counts as
+ * having those for these formulas, which the caller then computes. */
+INLINED int has_factors(problem *p, number proximal)
+{
+    int same = p->proximal_of_factors == proximal;
+    for (int i = 0; i < p->m; i++) {
+        same &= p->formula[i] == p->formula_of_factors[i];
+        p->formula_of_factors[i] = p->formula[i];
+    }
+    return same;
+}
+
+/* Row i of 1 - S + S (A + proximal 1), in p->row, for a side that is SLIDING. With the direction
+ * e = s / |s| and the radius mu y_n, its row of S = dP / dy has, for the sides j and the normal row n,
+ *
+ *     S_ij = mu y_n / |s| (delta_ij - e_i e_j),    S_in = mu e_i. */
+INLINED void sliding_row(problem *p, int i, number proximal)
+{
+    const int normal = p->kinds[i + 1] == NORMAL ? i + 1 : i + 2, first = normal - 2, side = i - first;
+    const number *s = p->y + first, length = length_of(s[0], s[1]);
+    const number e[2] = {s[0] / length, s[1] / length};
+    const number mu = p->bounds[normal], ratio = mu * p->y[normal] / length;
+    memset(p->row, 0, p->wide * sizeof(number));
+    p->row[i] = 1;
+    for (int j = 0; j < 3; j++) {
+        const number slope = j < 2 ? ratio * ((j == side) - e[side] * e[j]) : mu * e[side];
+        add_row(p->row, slope, p->A + (first + j) * p->wide, 0, p->wide);
+        p->row[first + j] -= slope * (1 - proximal);
+    }
+}
+
+/* Copy the entries of a row for the unknown rows, those that are not AT_BOUND, and fill it up. */
+INLINED void copy_unknown(const problem *p, number *to, const number *row, int filled)
+{
+    int column = 0;
+    for (int j = 0; j < p->m; j++)
+        if (p->formula[j] != AT_BOUND)
+            to[column++] = row[j];
+    while (column < filled)
+        to[column++] = 0;
+}
+
+/* One step of Newton's method on F, from x and what `residual_at` left; false if it fails. It solves
+ *
+ *     (1 - S + S (A + proximal 1)) dx = -F,    S = dP / dy,
+ *
+ * where the proximal term makes up for redundant rows, with which A is singular. The rows AT_BOUND have
+ * S = 0, so that dx_i = -F_i. The others are the unknown ones. If no contact slides, their matrix is
+ * their part of A + proximal 1: it is symmetric, and its factors serve as long as the same rows are
+ * unknown. */
 FAST int newton_step(problem *p, number *x, number proximal)
 {
     const int m = p->m, wide = p->wide;
-    int k = 0, slides = 0;
+    const int slides = find_formulas(p), factorized = has_factors(p, proximal);
+    int unknown = 0;
     for (int i = 0; i < m; i++) {
-        const number y = p->y[i];
-        p->inside[i] = 0;
-        if (p->kinds[i] == STOP)
-            p->inside[i] = y > 0;
-        else if (p->kinds[i] == DRY)
-            p->inside[i] = MAGNITUDE(y) <= p->bounds[i];
-        else if (p->kinds[i] == NORMAL && y > 0) {
-            const int slips = length_of(p->y[i - 2], p->y[i - 1]) > p->bounds[i] * y;
-            p->inside[i] = 1;
-            p->inside[i - 1] = p->inside[i - 2] = 1 + slips;
-            slides |= slips;
-        }
-        p->dx[i] = -p->F[i];
+        unknown += p->formula[i] != AT_BOUND;
+        p->dx[i] = -p->F[i]; /* of the unknown rows, it is replaced below */
     }
-    int fits = p->factors_for == proximal; /* the matrix is that of an earlier step */
-    for (int i = 0; i < m; i++) {
-        k += p->inside[i] > 0;
-        fits &= p->inside[i] == p->factorized[i];
-        p->factorized[i] = p->inside[i];
-    }
-    const int filled = FILLED(k);
-    int at = 0;
-    for (int i = 0; i < m; i++) {
-        if (!p->inside[i])
+
+    const int filled = FILLED(unknown);
+    for (int i = 0, k = 0; i < m; i++) {
+        if (p->formula[i] == AT_BOUND)
             continue;
-        if (fits) {
-            number right = -p->F[i];
-            for (int j = 0; j < m; j++)
-                if (!p->inside[j])
-                    right -= p->A[i * wide + j] * p->dx[j];
-            p->right[at++] = right;
-            continue;
-        }
-        number *row = p->row;
-        memcpy(row, p->A + i * wide, wide * sizeof(number));
-        row[i] += proximal;
-        if (p->inside[i] == 2) {
-            const int normal = p->kinds[i + 1] == NORMAL ? i + 1 : i + 2, first = normal - 2;
-            const number a = p->y[first], b = p->y[first + 1], side = length_of(a, b);
-            const number way[2] = {a / side, b / side};
-            const number mu = p->bounds[normal], share = mu * p->y[normal] / side;
-            memset(row, 0, wide * sizeof(number));
-            row[i] = 1;
-            for (int c = 0; c < 3; c++) {
-                number slope = mu * way[i - first];
-                if (c < 2)
-                    slope = share * ((c == i - first) - way[i - first] * way[c]);
-                add_row(row, slope, p->A + (first + c) * wide, 0, wide);
-                row[first + c] -= slope * (1 - proximal);
-            }
+        const number *row = p->A + i * wide;
+        if (p->formula[i] == SLIDING) {
+            sliding_row(p, i, proximal);
+            row = p->row;
         }
         number right = -p->F[i];
-        int column = 0;
-        for (int j = 0; j < m; j++) {
-            if (p->inside[j])
-                p->D[at * filled + column++] = row[j];
-            else
+        for (int j = 0; j < m; j++)
+            if (p->formula[j] == AT_BOUND)
                 right -= row[j] * p->dx[j];
+        p->right[k] = right;
+        if (!factorized) {
+            copy_unknown(p, p->D + k * filled, row, filled);
+            if (p->formula[i] == INSIDE)
+                p->D[k * filled + k] += proximal;
         }
-        while (column < filled)
-            p->D[at * filled + column++] = 0;
-        p->right[at++] = right;
+        k++;
     }
-    if (slides) { /* the matrix depends on y */
-        p->factors_for = 0;
-        if (!solve_general(p->D, p->right, k, filled))
+
+    p->proximal_of_factors = 0;
+    if (slides) {
+        if (!solve_general(p->D, p->right, unknown, filled))
             return 0;
     } else {
-        if (!fits && !factorize(p->D, k, filled, p->w)) {
-            p->factors_for = 0;
+        if (!factorized && !factorize(p->D, unknown, filled, p->w))
             return 0;
-        }
-        p->factors_for = proximal;
-        solve_symmetric(p->D, p->right, k, filled);
+        p->proximal_of_factors = proximal;
+        solve_symmetric(p->D, p->right, unknown, filled);
     }
-    at = 0;
-    for (int i = 0; i < m; i++) {
-        x[i] += p->inside[i] ? p->right[at++] : p->dx[i];
+
+    for (int i = 0, k = 0; i < m; i++) {
+        x[i] += p->formula[i] == AT_BOUND ? p->dx[i] : p->right[k++];
         if (!IS_FINITE(x[i]))
             return 0;
     }
     return 1;
 }
 
-/* The best of some steps of Newton's method from x, in `best`; its residual. */
+/* At most so many steps of Newton's method from x, which changes. `best` gets the x of the least
+ * residual, which is returned. */
 FAST number newton(problem *p, number *x, number *best, number proximal, int steps)
 {
     number least = INFINITY;
     for (int step = 0; step < steps; step++) {
         const number error = residual_at(p, x);
         if (!(error < least) && least < SOLVED)
-            break;
+            break; /* a solution that does not become better */
         if (error < least) {
             least = error;
             memcpy(best, x, p->m * sizeof(number));
@@ -182,64 +264,68 @@ FAST number newton(problem *p, number *x, number *best, number proximal, int ste
     return least;
 }
 
-/* One sweep of projected Gauss-Seidel; p->w is A x + u before and after. */
-FAST void sweep(problem *p, number *x)
+/* Change x_i, and w = A x + u with it. */
+INLINED void set_impulse(problem *p, number *x, int i, number impulse)
 {
-    const int m = p->m, wide = p->wide;
-    for (int i = 0; i < m; i++) {
-        const number *row = p->A + i * wide;
-        if (p->kinds[i] == SIDE)
-            continue;
-        number next = x[i] - p->w[i] / row[i], change;
-        if (p->kinds[i] == DRY)
-            next = next > p->bounds[i] ? p->bounds[i] : next < -p->bounds[i] ? -p->bounds[i] : next;
-        else
-            next = next > 0 ? next : 0;
-        if ((change = next - x[i]) != 0) {
-            x[i] = next;
-            add_row(p->w, change, row, 0, wide);
-        }
-        if (p->kinds[i] == NORMAL) {
-            const int a = i - 2, b = i - 1;
-            const number trace = p->A[a * wide + a] + p->A[b * wide + b], most = p->bounds[i] * x[i];
-            number sides[2] = {0, 0};
-            if (trace > 0) {
-                sides[0] = x[a] - p->w[a] / trace;
-                sides[1] = x[b] - p->w[b] / trace;
-                const number size = length_of(sides[0], sides[1]);
-                const number factor = size > most ? most / size : 1;
-                sides[0] *= factor;
-                sides[1] *= factor;
-            }
-            for (int c = 0; c < 2; c++)
-                if ((change = sides[c] - x[a + c]) != 0) {
-                    x[a + c] = sides[c];
-                    add_row(p->w, change, p->A + (a + c) * wide, 0, wide);
-                }
-        }
+    const number change = impulse - x[i];
+    if (change != 0) {
+        x[i] = impulse;
+        add_row(p->w, change, p->A + i * p->wide, 0, p->wide);
     }
 }
 
-/* The solution near x, in x, and its residual, by at most some series of sweeps and Newton's steps.
- * `swept`, `near` and `best` are workspace. */
-FAST number solve_rows(
-    problem *p, number *x, int series, number *swept, number *near, number *best)
+/* One sweep of projected Gauss-Seidel: each x_i in turn becomes the solution of its own row. w is
+ * A x + u before and after. */
+FAST void sweep(problem *p, number *x)
 {
+    const int wide = p->wide;
+    for (int i = 0; i < p->m; i++) {
+        if (p->kinds[i] == SIDE) /* these follow their normal row */
+            continue;
+        const number impulse = x[i] - p->w[i] / p->A[i * wide + i];
+        const int is_dry = p->kinds[i] == DRY;
+        set_impulse(p, x, i, is_dry ? clipped(impulse, p->bounds[i]) : not_negative(impulse));
+        if (p->kinds[i] != NORMAL)
+            continue;
+        /* One divisor for both sides, not less than the eigenvalues of their block of A: its trace. */
+        const int first = i - 2, second = i - 1;
+        const number trace = p->A[first * wide + first] + p->A[second * wide + second];
+        number a = 0, b = 0;
+        if (trace > 0) {
+            a = x[first] - p->w[first] / trace;
+            b = x[second] - p->w[second] / trace;
+            const number factor = into_circle(a, b, p->bounds[i] * x[i]);
+            a *= factor;
+            b *= factor;
+        }
+        set_impulse(p, x, first, a);
+        set_impulse(p, x, second, b);
+    }
+}
+
+/* Solve F = 0 from x, in x; returns the residual. After the warm start there are at most so many
+ * series. Every third one starts from the sweeps of the series before without its Newton's steps, and
+ * sweeps longer each time; the others start from the best impulses so far. Neither is best for all
+ * problems. `after_sweeps`, `near` and `best` are workspace. */
+FAST number solve_rows(
+    problem *p, number *x, int series, number *after_sweeps, number *near, number *best)
+{
+    /* The terms of the series in turn; dynamics/impulses.py gives the reasons. */
     static const number proximal[] = {N(1e-6), N(1e-8), N(1e-3), N(1e-7), N(1e-5), N(1e-2)};
     const size_t size = p->m * sizeof(number);
-    memcpy(swept, x, size);
+    memcpy(after_sweeps, x, size);
     memcpy(best, x, size);
     number least = newton(p, x, best, proximal[0], WARM_STEPS);
     for (int k = 0; k < series; k++) {
         if (least < ROUNDING || (least < SOLVED && k >= REFINED))
             break;
-        const int alone = k % 3 == 0;
-        memcpy(x, alone ? swept : best, size);
-        residual_at(p, x);
-        for (int turn = 0; turn < (alone ? SWEEPS * (1 + k) : SWEEPS); turn++)
+        const int from_sweeps = k % 3 == 0, sweeps = from_sweeps ? SWEEPS * (1 + k) : SWEEPS;
+        memcpy(x, from_sweeps ? after_sweeps : best, size);
+        residual_at(p, x); /* for w */
+        for (int turn = 0; turn < sweeps; turn++)
             sweep(p, x);
-        if (alone)
-            memcpy(swept, x, size);
+        if (from_sweeps)
+            memcpy(after_sweeps, x, size);
         const number error = newton(p, x, near, proximal[k % 6], STEPS);
         if (error < least) {
             least = error;

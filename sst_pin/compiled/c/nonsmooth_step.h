@@ -233,8 +233,8 @@ FAST int nonsmooth_step(const rows_of_robot *f, const number *y, const number *q
         number *room[9];
         for (int a = 0; a < 9; a++)
             room[a] = now + (a + 1) * most_rows;
-        problem p = {count, filled, G, u, most, kinds, room[0], room[1], room[2], room[3], D, room[4],
-            room[5], inside, factorized, 0};
+        problem p = {count, filled, G, u, kinds, most, room[0], room[1], room[2], inside, room[3], D,
+            room[4], room[5], factorized, 0};
         worst = solve_rows(&p, now, series, room[6], room[7], room[8]);
         for (int b = 0; b < n; b++) {
             change[b] = 0;
