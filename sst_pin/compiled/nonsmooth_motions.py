@@ -119,9 +119,8 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
     cables = [lines[k] for k in rows.cables]
     others = [lines[k] for k in other_lines(rows)]
     rates = implicit_rates(parameters)
-    # By the names and in the order of the pointers at the head of `nonsmooth_step` in the C, which
-    # has `least` in `starts_free`. Each entry is a number for all robots, or an array with one for
-    # each.
+    # By the names and in the order of the members of `numbers_of_robot` in the C. Each entry is a
+    # number for all robots, or an array with one for each.
     parts: dict[str, list[Any]] = {
         # contacts
         "friction": [x.friction for x in contacts.points],
@@ -129,9 +128,9 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
         # what the gaps of contacts and ropes are measured from
         "offsets": [x.radius for x in contacts.points] + [-x.length for x in contacts.ropes],
         # cables
-        "line_k": [x.stiffness for x in cables],
-        "rest": [x.rest_length for x in cables],
-        "line_d": [x.damping for x in cables],
+        "line_stiffness": [x.stiffness for x in cables],
+        "rest_lengths": [x.rest_length for x in cables],
+        "line_damping": [x.damping for x in cables],
         "preload": [x.preload for x in cables],
         "on_cables": list(mechanism.lines.actuation[rows.cables].ravel()),
         # stops, dry friction of joints and of lines
@@ -146,7 +145,7 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
         + [x.stiffness for x in others]
         + list(gains.stiffness),
         # the least gaps with which a motion may start
-        "least": list(rows.least_gaps),
+        "least_gaps": list(rows.least_gaps),
     }
     columns = [column for part in parts.values() for column in part]
     values = np.zeros((robots, len(columns)))

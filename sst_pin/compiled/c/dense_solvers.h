@@ -15,7 +15,7 @@
 #include <string.h>
 /* To add up a row in vectors, the compiler must be allowed to change the order of the sum. */
 #define FAST static __attribute__((optimize("O3", "associative-math", "no-signed-zeros"), unused))
-#define INLINED FAST /* the compiler decides */
+#define INLINED FAST inline
 #endif
 
 /* A pivot below this part of its diagonal entry is rounding: the matrix is not positive definite. */
@@ -110,7 +110,7 @@ INLINED void exchange(number *a, number *b)
     *b = first;
 }
 
-/* D x = right for any regular D, in place: Gauss elimination with row pivots. False if D is singular. */
+/* D x = right for any regular D, in place, by elimination with pivots. False if D is singular. */
 FAST int solve_general(number *D, number *right, int n, int wide)
 {
     for (int k = 0; k < n; k++) {

@@ -11,8 +11,8 @@ static void run(int i, const rows &q, const rows &va, const rows &tau, const row
     ${tables}
     static const int joint_rate[] = {${joint_rate}};
     const int nq = ${q}, n = ${n}, m = ${m}, motors = ${motors}, outputs = ${outputs};
-    const int tense = robot.ropes + robot.cables, first_stop = 3 * robot.contacts + tense;
-    const int first_line = m - ${dry_lines}; /* of the lines with dry friction */
+    const int tense = robot.ropes + robot.cables;
+    const int of_stops = first_stop(&robot), of_dry_lines = m - ${dry_lines}; /* first rows */
     const parameters own = column(p, i);
     const number *of_robot = &at(numbers, numbers.shape[0] > 1 ? i : 0, 0);
     number x[${inputs}], y[${room}], ends[2 * ${q}], work[WORKSPACE(${n}, ${m}, ${motors})];
@@ -60,12 +60,12 @@ static void run(int i, const rows &q, const rows &va, const rows &tau, const row
     give(x + nq, va_out, i, n, bad);
     give(force, contact_forces, i, 3 * robot.contacts, bad);
     give(force + 3 * robot.contacts, tensions, i, tense, bad);
-    give(force + first_line, line_friction, i, ${dry_lines}, bad);
+    give(force + of_dry_lines, line_friction, i, ${dry_lines}, bad);
     give(&worst, residual, i, 1, bad);
     for (int j = 0; j < ${rates}; j++)
         at(joint_forces, i, j) = bad ? (number)NAN : 0;
-    for (int j = first_stop; j < first_line; j++)
-        at(joint_forces, i, joint_rate[j - first_stop]) += robot.impulse_sign[j] * force[j];
+    for (int j = of_stops; j < of_dry_lines; j++)
+        at(joint_forces, i, joint_rate[j - of_stops]) += robot.impulse_sign[j] * force[j];
     for (int j = 0; j < m; j++) /* where the next step starts: zero is good for any */
         at(impulses, i, j) = bad ? 0 : impulse[j];
     tell(status, i, bad || worst <= SOLVED ? bad : UNSOLVED);
