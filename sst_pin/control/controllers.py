@@ -21,6 +21,15 @@ from ..simulation.samples import spline
 from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import listed
 
+#: Time steps of a motion are equal if they differ by less than this part of their mean: rounding of
+#: times such as those of numpy.linspace.
+_EQUAL_STEPS = 1e-9
+#: Least eigenvalue of a positive definite matrix of weights, relative to the largest: its inverse
+#: still has a few digits.
+_DEFINITE = 1e-12
+#: Eigenvalues are exact to this part of the largest.
+_ROUNDING = 1e-15
+
 
 class _Errors(NamedTuple):
     """Desired minus actual values, and the desired accelerations, each of shape (n,)."""
@@ -217,12 +226,12 @@ class TrackingLQR(Controller):
 
         super().__init__(chain, motion, limits=limits)
         steps = np.diff(motion.t)
-        if np.ptp(steps) > 1e-9 * steps.mean():
+        if np.ptp(steps) > _EQUAL_STEPS * steps.mean():
             raise InputError("motion", "its times must have equal steps")
         n = chain.degrees_of_freedom
         motors = len(chain.motor_names)
         cost = _weights("Q", Q, 2 * n, 0.0)
-        effort = _weights("R", R, motors, 1e-12)
+        effort = _weights("R", R, motors, _DEFINITE)
         A, B = chain.linearize(motion.q, motion.va, motion.tau, dt=float(steps.mean()))
         try:
             P = solve_discrete_are(A[-1], B[-1], cost, effort)
@@ -262,6 +271,6 @@ def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:
     if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
         raise InputError(name, f"needed: shape ({size},), or a symmetric ({size}, {size})")
     values = np.linalg.eigvalsh(matrix)
-    if values[-1] <= 0 or values[0] < least * values[-1] - 1e-15 * values[-1]:
+    if values[-1] <= 0 or values[0] < (least - _ROUNDING) * values[-1]:
         raise InputError(name, "not positive")
     return matrix
