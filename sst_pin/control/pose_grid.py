@@ -116,7 +116,7 @@ class PoseGrid:
         return self._tangents(self.component("pitch", 0.0), self.component("yaw", 0.0))
 
     def tangents_at(self, pose: pin.SE3, orientation_at_zero: Array) -> Array:
-        """As `tangents`, at a pose that need not be on the grid, shape (c, 2)."""
+        """Derivatives as those of `tangents`, at a pose off the grid too, shape (c, 2)."""
         angles = pin.rpy.matrixToRpy(pose.rotation @ orientation_at_zero.T)
         return self._tangents(angles[1], angles[2])
 
