@@ -166,7 +166,8 @@ def _objective(
     differences = solve_triangular(S, found.values - found.base.matrix @ theta_0, lower=True)
 
     # Units of a body: its mass m times powers of the robot's length l. Units of other parameters:
-    # their standard deviations if all other parameters were known.
+    # their standard deviations if all other parameters were known. A parameter about which the
+    # estimate says nothing has any unit, as only the weak prior acts on it.
     powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     units_of_bodies = np.outer(unknowns.masses[unknowns.bodies], powers_of_length).ravel()
     sizes = np.linalg.norm(S_inverse_B[:, unknowns.others], axis=0)

@@ -41,6 +41,8 @@ _CONVERGED = 1e-9
 _UNSURE = 0.01
 #: Least ratio of the noises of two kinds: a smaller one is rounding.
 _LEAST_NOISE = 1e-4
+#: Least noise: that of values which are exact but for their rounding.
+_EXACT = 1e-13
 #: Degrees of freedom that must be left to estimate a noise.
 _LEAST_FREEDOM = 0.5
 #: Probability of a warning although the noise that the caller states is true.
@@ -217,7 +219,7 @@ def _updated_noise(noise: Array, equations: Sequence[KindEquations], step: _Step
         else:
             updated[k] = kind.stated_noise
     # Without a floor, exact values of one kind would have infinite weight.
-    return np.maximum(updated, max(1e-13, _LEAST_NOISE * updated.max()))
+    return np.maximum(updated, max(_EXACT, _LEAST_NOISE * updated.max()))
 
 
 def _degrees_of_freedom(leverages: Array) -> float:
