@@ -22,6 +22,8 @@ BRANCHES.setflags(write=False)
 
 #: |sin(mu_k)| below which a leg is in the plane of its arc and gamma_k is undetermined.
 _FLAT = 1e-8
+#: Largest entry of |R R^T - 1| of a rotation that is written with eight digits.
+_ROUNDED_ROTATION = 1e-8
 
 
 class Geometry(NamedTuple):
@@ -222,7 +224,7 @@ def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Arr
 def require_rotation(R: Array, name: str = "R") -> None:
     """Check that matrices are rotations; the error names the samples of a batch."""
     error = np.abs(R @ R.mT - np.eye(3)).max(axis=(-1, -2))
-    wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
+    wrong = (error > _ROUNDED_ROTATION) | (np.linalg.det(R) < 0)
     if wrong.any():
         size = float(error.max())
         det = float(np.linalg.det(R).min())

@@ -15,6 +15,10 @@ from ..model.joint_space import without_sign_changes
 from ..simulation.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
 
+#: Neighbours on a path are farther apart, and less near to half a turn, [rad]: else the axis of the
+#: turn from one to the next has few correct digits.
+_LEAST_STEP = 1e-6
+
 
 class PlatformMotion(NamedTuple):
     """A motion of the star; the arguments of `SST.joint_motion`.
@@ -218,7 +222,7 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     rotations = Rotation.from_matrix(matrices)
     steps = (rotations[:-1].inv() * rotations[1:]).magnitude()
     for i, step in enumerate(steps):
-        if not 1e-6 < step < np.pi - 1e-6:
+        if not _LEAST_STEP < step < np.pi - _LEAST_STEP:
             raise InputError("R", f"{np.degrees(step):.6g} degrees between samples {i} and {i + 1}")
     s = np.append(0, np.cumsum(steps))
     path = empty((samples, 3, 3))
