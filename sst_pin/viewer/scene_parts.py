@@ -20,6 +20,8 @@ from ..description.solids import axes_along
 GREY = "#8A9199"
 #: Smallest scale of an arrow; a scale of zero has no normals.
 _SMALLEST = 1e-3
+#: Smallest length of a strut, [m]; a scale of zero has no normals.
+_SHORTEST = 1e-9
 #: Smaller shares of the largest torque or force are rounding.
 _NOISE = 1e-6
 
@@ -162,7 +164,7 @@ class Strut(NamedTuple):
         start = moved(self.points[:1], poses[self.joints[0]])[0]
         end = moved(self.points[1:], poses[self.joints[1]])[0]
         matrix = homogeneous(along(end - start), start)
-        matrix[:3, 2] *= max(float(np.linalg.norm(end - start)), 1e-9)
+        matrix[:3, 2] *= max(float(np.linalg.norm(end - start)), _SHORTEST)
         return matrix
 
 
