@@ -22,7 +22,10 @@ class Kernel(Protocol):
         """
 
     def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
-        """As `answer`, of a kernel of derivatives: those by a, b and c, as a tuple of this kind."""
+        """Derivatives by a, b and c as a tuple of this kind, from a kernel of derivatives.
+
+        It is None in the same cases as that of `answer`.
+        """
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
         """Fill results of N samples, shape (N, size); indices of those that fail the checks.
