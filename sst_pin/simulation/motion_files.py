@@ -260,9 +260,9 @@ def read_start(
     `va0` leaves out are zero.
     """
     va = _start_rates(engine.mechanism, table, q0, va0)
-    positions = _position_columns(engine.mechanism)
-    if q0 is None and set(positions) <= set(table.columns):
-        return assemble(engine, table.select(positions)[0]), va
+    columns = _position_columns(engine.mechanism)
+    if q0 is None and set(columns) <= set(table.columns):
+        return assemble(engine, table.select(columns)[0]), va
     if q0 is None:
         joints = _joint_positions(engine.mechanism, table)
         q0 = {name: float(positions[0]) for name, positions in joints.items()}
