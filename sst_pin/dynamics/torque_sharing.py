@@ -33,34 +33,35 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
     The part of f that no motor can produce is ignored.
     """
+    G = _weighted_inverse(mechanism, A, weights)
+    tau = G.dot(f)
+    return tau + G.dot(f - A.dot(tau))  # removes the rounding of the first solution
+
+
+def _weighted_inverse(mechanism: Mechanism, A: Array, weights: Array | None) -> Array:
+    """The pseudo-inverse G of A for which G f has the least sum of weights tau^2, (motors, n)."""
     # The rank does not depend on the weights; it is judged in units of the motors.
-    rank, _ = _rank(mechanism, A)
+    rank = rank_of(np.linalg.svd(_without_units(mechanism, A), compute_uv=False))
     units = mechanism.rate_scale[mechanism.coordinates]
     root = np.ones(A.shape[1])
     if weights is not None:
         root = np.sqrt(weights)
     # tau = x / root with the shortest x that solves (units A / root) x = units f.
-    U, s, Vt = np.linalg.svd(units[:, None] * A / root)
-
-    def smallest(forces: Array) -> Array:
-        x = Vt[:rank].T @ (U.T[:rank] @ (units * forces) / s[:rank])
-        return np.asarray(x / root)
-
-    tau = smallest(f)
-    return tau + smallest(f - A @ tau)  # removes the rounding of the first solution
+    U, s, Vt = np.linalg.svd(units[:, None] * A / root, full_matrices=False)
+    inverse = (Vt[:rank].T / s[:rank]).dot(U[:, :rank].T)
+    return np.asarray(inverse * units / root[:, None])
 
 
 def null_space(mechanism: Mechanism, A: Array) -> Array:
     """Orthonormal torques that make no motion, shape (motors, k)."""
-    rank, Vt = _rank(mechanism, A)
-    return np.linalg.qr(Vt[rank:].T / mechanism.motor_scale[:, None])[0]
+    _, s, Vt = np.linalg.svd(_without_units(mechanism, A))
+    return np.linalg.qr(Vt[rank_of(s) :].T / mechanism.motor_scale[:, None])[0]
 
 
-def _rank(mechanism: Mechanism, A: Array) -> tuple[int, Array]:
-    """The rank of A, free of units, and its right singular vectors in rows."""
+def _without_units(mechanism: Mechanism, A: Array) -> Array:
+    """A free of units: rates and motors are divided by their scales."""
     units = mechanism.rate_scale[mechanism.coordinates]
-    _, s, Vt = np.linalg.svd(units[:, None] * A / mechanism.motor_scale)
-    return rank_of(s), Vt
+    return np.asarray(units[:, None] * A / mechanism.motor_scale)
 
 
 def preload_directions(
