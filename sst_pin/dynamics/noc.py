@@ -79,7 +79,7 @@ class JointComplement:
         if not self._mechanism.space.euclidean:
             self._mechanism.space.require_on_manifold(q)
         self._loops.evaluate_closed(q, self._row_scale, tolerance)
-        self._factorise(self._loops.Phi, self._loops.f)
+        self._factorise()
 
     def motion(
         self, q: Array, va: Array, aa: Array, tolerance: float = CLOSURE_TOLERANCE
@@ -106,9 +106,9 @@ class JointComplement:
         rates = v / mechanism.rate_scale
         accelerations = v_dot / mechanism.rate_scale
         size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
+        if left.dot(left) <= (self._least_slack * size) ** 2:
+            return  # sufficient, as in `_require_rates`
         allowed = self._slack * size
-        if left.dot(left) <= allowed**2:
-            return  # sufficient: no entry is larger than the norm
         worst = int(np.abs(left).argmax())
         if not np.isfinite(size) or abs(left[worst]) <= allowed:
             return
@@ -123,43 +123,64 @@ class JointComplement:
             float("inf"),
         )
 
-    def _factorise(self, Phi: Array, f: Array) -> None:
+    def _factorise(self) -> None:
         """Compute L and the inverse; the error names the rates that the closures do not determine.
 
         Redundant rows must hold too, up to the errors f of the loops, Eq. (2).
         """
-        # Singular values of all blocks of dependent rates. The coordinates add an identity to Phi,
-        # so that the largest one is at least 1.
-        smallest = []
-        largest = 1.0
+        Phi = self._loops.Phi
+        self._invert(Phi)
+        least = self._largest / MAX_CONDITION_NUMBER
+        if not all(size > least for size in self._smallest):  # NaN too
+            self._refuse(Phi, least)
+        Phi_a = Phi.take(self._mechanism.coordinates, axis=1)
+        self.L: Array = self._S_a - self.inverse.dot(Phi_a)  # Eqs. (7), (17)
+        if self._redundant:
+            self._require_rates(Phi)
+
+    def _invert(self, Phi: Array) -> None:
+        """Compute the inverse, and the singular values that its blocks of Phi^u are judged by."""
+        # The coordinates add an identity to Phi, so that the largest singular value is at least 1.
+        self._largest = 1.0
+        #: The smallest singular value of each block.
+        self._smallest: list[float] = []
         for block in self.blocks:
             A = Phi.take(block.of_Phi) * block.scale
             inverse, sizes = _inverse(A)
             inverse = inverse.dot(block.twice - A.dot(inverse))  # Newton's step: less rounding
             self.inverse[block.of_inverse] = inverse * block.scale.T
-            largest = max(largest, sizes[0])
-            smallest.append(sizes[1])
-        # Written so that NaN is refused too.
-        if not all(size * MAX_CONDITION_NUMBER > largest for size in smallest):
-            self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
-        Phi_a = Phi.take(self._mechanism.coordinates, axis=1)
-        self.L: Array = self._S_a - self.inverse.dot(Phi_a)  # Eqs. (7), (17)
-        if not self._redundant:
-            return
-        left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
-        # Loops that are open by f displace dependent joints by up to f times the condition number,
-        # and Phi, whose entries are up to `largest`, changes in proportion.
-        gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
-        bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * largest
-        self._slack = bound * np.abs(self.L * self._of_L).max(initial=1.0)
-        if left.dot(left) <= self._slack**2:
-            return  # sufficient, as above
-        if not np.abs(left).max(initial=0.0) <= self._slack:
-            self._refuse(Phi, 0.0, smallest)
+            self._largest = max(self._largest, sizes[0])
+            self._smallest.append(sizes[1])
 
-    def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
+    def _require_rates(self, Phi: Array) -> None:
+        """Check Phi L = 0 in redundant rows too."""
+        left = (Phi.dot(self.L) * self._of_Phi_L).ravel()
+        if left.dot(left) <= self._least_slack**2:
+            return  # sufficient: no entry is larger than the norm, and the slack is not smaller
+        if not np.abs(left).max(initial=0.0) <= self._slack:
+            self._refuse(Phi, 0.0)
+
+    @property
+    def _slack(self) -> float:
+        """Largest violation of redundant rows, free of units, at rates of the coordinates of one.
+
+        Loops that are open by f displace dependent joints by up to f times the condition number,
+        and Phi, whose entries are up to `_largest`, changes in proportion.
+        """
+        smallest = min(self._smallest, default=1.0)
+        gap = np.abs(self._row_scale * self._loops.f).max() * self._largest / smallest
+        bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * self._largest
+        return float(bound * np.abs(self.L * self._of_L).max(initial=1.0))
+
+    @property
+    def _least_slack(self) -> float:
+        """The slack of loops without a gap in which no rate is larger than the coordinates'."""
+        return INCONSISTENT * CLOSURE_TOLERANCE * self._largest
+
+    def _refuse(self, Phi: Array, least: float) -> None:
+        """Raise the error; blocks with smaller singular values than `least` are singular."""
         mechanism = self._mechanism
-        verdicts = zip(self.blocks, smallest, strict=True)
+        verdicts = zip(self.blocks, self._smallest, strict=True)
         loose = [rate for block, pivot in verdicts if not pivot > least for rate in block.rates]
         scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
         names = listed(mechanism.coordinate_rate_names)
