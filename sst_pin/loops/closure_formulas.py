@@ -251,7 +251,7 @@ class HeldMotions(RelativeFormulas):
         return f
 
     def w(self, X: Array) -> Array:
-        columns = X[..., self._X_columns].swapaxes(-1, -2)  # shape (..., rows, 4)
+        columns = X.take(self._X_columns, axis=-1).swapaxes(-1, -2)  # shape (..., rows, 4)
         return (self._G @ columns[..., None])[..., 0]
 
     def w_dot(self, X: Array, X_dot: Array) -> Array:
