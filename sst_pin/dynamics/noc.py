@@ -32,7 +32,7 @@ class _Block:
         scale: Factors that make Phi^u free of units, shape (rows, rates).
         of_Phi: Where the entries of Phi^u are in Phi.ravel(), shape (rows, rates).
         of_inverse: Where the inverse of Phi^u is in that of all blocks.
-        twice: Twice the identity, shape (rows, rows).
+        twice: Twice the identity, shape (rates, rates).
     """
 
     def __init__(self, mechanism: Mechanism, rows: Indices, dependent: Indices) -> None:
@@ -41,7 +41,7 @@ class _Block:
         self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
         self.of_Phi = rows[:, None] * mechanism.model.nv + self.rates
         self.of_inverse = np.ix_(self.rates, rows)
-        self.twice = 2 * np.eye(len(rows))
+        self.twice = 2 * np.eye(len(dependent))
 
 
 class JointComplement:
@@ -147,7 +147,7 @@ class JointComplement:
         for block in self.blocks:
             A = Phi.take(block.of_Phi) * block.scale
             inverse, sizes = _inverse(A)
-            inverse = inverse.dot(block.twice - A.dot(inverse))  # Newton's step: less rounding
+            inverse = (block.twice - inverse.dot(A)).dot(inverse)  # Newton's step: less rounding
             self.inverse[block.of_inverse] = inverse * block.scale.T
             self._largest = max(self._largest, sizes[0])
             self._smallest.append(sizes[1])
