@@ -62,8 +62,8 @@ class EngineArguments:
         `tau` has shape (..., motors); all others, such as `va` and `aa`, have shape (..., n).
         """
         mechanism = self._mechanism
-        of_motion = [value for name, value in others.items() if name != "tau"]
-        self._require_freedom_for(of_motion)
+        if not len(mechanism.coordinates):
+            self._require_rest(others)
         arrays = [as_array("q", q, (mechanism.model.nq,))]
         for name, value in others.items():
             if name == "tau":
@@ -72,15 +72,14 @@ class EngineArguments:
                 arrays.append(self._of_coordinates(name, value))
         return arrays
 
-    def _require_freedom_for(self, of_motion: list[ArrayLike]) -> None:
+    def _require_rest(self, others: Mapping[str, ArrayLike]) -> None:
         """Refuse what moves a robot without coordinates: its va and aa are empty.
 
         A robot that was never assembled (`example` is None) is refused even at rest.
         """
         mechanism = self._mechanism
-        if len(mechanism.coordinates):
-            return
-        if mechanism.example is None or any(np.size(value) for value in of_motion):
+        moves = any(np.size(value) for name, value in others.items() if name != "tau")
+        if moves or mechanism.example is None:
             mechanism.require_freedom()
 
     def _of_coordinates(self, name: str, value: ArrayLike) -> Array:
