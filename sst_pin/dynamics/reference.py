@@ -97,11 +97,11 @@ class Reference(threading.local):
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
-        A = self.context.complement.L.T @ self.context.actuation(q)  # f = A tau
+        A = self.context.complement.L.T.dot(self.context.actuation(q))  # f = A tau
         with np.errstate(over="ignore", invalid="ignore"):
             tau = least_torques(self.mechanism, A, f, weights)
-            unsupplied = f - A @ tau
-            sizes = np.abs(A) @ np.abs(tau)
+            unsupplied = f - A.dot(tau)
+            sizes = np.abs(A).dot(np.abs(tau))
             if not (np.abs(unsupplied) <= UNSUPPLIED * sizes).all():
                 # Forces may cancel to f, which then is rounding: all of them count.
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)

@@ -39,15 +39,19 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
 
 def _weighted_inverse(mechanism: Mechanism, A: Array, weights: Array | None) -> Array:
-    """The pseudo-inverse G of A for which G f has the least sum of weights tau^2, (motors, n)."""
-    # The rank does not depend on the weights; it is judged in units of the motors.
-    rank = rank_of(np.linalg.svd(_without_units(mechanism, A), compute_uv=False))
+    """G, shape (motors, n): tau = G f are the torques of `least_torques`, to rounding."""
     units = mechanism.rate_scale[mechanism.coordinates]
     root = np.ones(A.shape[1])
     if weights is not None:
         root = np.sqrt(weights)
     # tau = x / root with the shortest x that solves (units A / root) x = units f.
     U, s, Vt = np.linalg.svd(units[:, None] * A / root, full_matrices=False)
+    # The rank does not depend on the weights; it is judged in units of the motors.
+    if (root != mechanism.motor_scale).any():
+        sizes = np.linalg.svd(_without_units(mechanism, A), compute_uv=False)
+    else:
+        sizes = s  # of the same matrix
+    rank = rank_of(np.asarray(sizes, dtype=float))
     inverse = (Vt[:rank].T / s[:rank]).dot(U[:, :rank].T)
     return np.asarray(inverse * units / root[:, None])
 
