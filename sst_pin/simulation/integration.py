@@ -50,6 +50,20 @@ class _Target(NamedTuple):
     repeats: int = 0
 
 
+class _Continuation(NamedTuple):
+    """How a motion goes on after the steps of one integrator.
+
+    Attributes:
+        state: The state from which it goes on.
+        target: The target of the next integrator in the same coordinates: the same one if steps
+            must be shorter, an earlier one before an irregular part. It is None if the target is
+            reached, or if the motion has other coordinates or a singular configuration to approach.
+    """
+
+    state: MotionState
+    target: _Target | None
+
+
 class Integration:
     """Integrates equations of motion step by step, in coordinates that suit each state.
 
@@ -165,19 +179,13 @@ class Integration:
 
     def _make_steps(
         self, equations: StateEquations, state: MotionState, target: _Target
-    ) -> tuple[MotionState, _Target | None]:
-        """Make steps with one integrator until a target, or until a step cannot be kept.
-
-        Returns:
-            The state from which the motion goes on, and the target if it goes on in the same
-            coordinates: the same one if a step missed a change of a torque or load, so that shorter
-            steps are needed; an earlier one after an irregular step.
-        """
+    ) -> _Continuation:
+        """Make steps with one integrator until a target, or until a step cannot be kept."""
         solver = self._steps.solver(equations, state, target.time)
         while solver.status == "running":
             step = self._steps.step(solver, equations)
             if self._steps.shorten_if_input_missed(step):
-                return state, target
+                return _Continuation(state, target)
             at_change = target.torques_change and step.end == target.time
             self._steps.remember_length(step, torques_change_at_end=at_change)
             self._progress(step.end)
@@ -191,16 +199,16 @@ class Integration:
             state = MotionState(step.end, state.space, part.q, step.y)
             self._crossing.remember(state)
             if target.repeats > 0 and step.end == target.time:
-                return self._leave_irregular(state), None
+                return _Continuation(self._leave_irregular(state), None)
             settled = self._improve_coordinates(state)
             if settled.space is not state.space:
-                return settled, None
-        return state, None
+                return _Continuation(settled, None)
+        return _Continuation(state, None)
 
     def _before_irregular(
         self, state: MotionState, step: IntegratorStep, part: RegularPart, target: _Target
-    ) -> tuple[MotionState, _Target | None]:
-        """The state and target with which a motion goes on after an irregular step.
+    ) -> _Continuation:
+        """How a motion goes on after an irregular step.
 
         If a singular configuration is ahead that can be stepped over, the motion goes back and
         approaches it. Otherwise it is integrated again until just before the irregular part of the
@@ -221,12 +229,12 @@ class Integration:
         self._steps.shorten(fraction)
         if earlier is not None:
             self._coordinate_change.allow_nearer()
-            return earlier, None
+            return _Continuation(earlier, None)
         margin = _margin_of_repeat(target.repeats)
         time = step.start + fraction * step.length * (1 - margin)
         if time <= state.t:
-            return self._leave_irregular(state), None
-        return state, _Target(time, repeats=target.repeats + 1)
+            return _Continuation(self._leave_irregular(state), None)
+        return _Continuation(state, _Target(time, repeats=target.repeats + 1))
 
     def _improve_coordinates(self, state: MotionState) -> MotionState:
         """The state after a regular step, in better coordinates if there are any.
