@@ -305,7 +305,7 @@ def _warn_of_shaking(mechanism: Mechanism, rates: Array, motions: Array) -> None
         f"model {mechanism.model.name}: the closures allow rates of the joints {names} that lead "
         f"to no other pose, so degrees of freedom are {motions.shape[1]} instead of "
         f"{rates.shape[1]}; correct lengths, make another pose home, or lock joints that cannot "
-        "move: locked=[...]",
+        f"move: locked=[...]{_hint_of_hinges(mechanism)}",
         DescriptionWarning,
     )
 
@@ -319,10 +319,16 @@ def _warn_of_rigid_motors(mechanism: Mechanism, motions: Array) -> None:
             rigid.append(name)
     if not rigid:
         return
-    text = (
+    warn_caller(
         f"model {mechanism.model.name}: the closures hold the joints of the motors "
         f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures"
+        f"{_hint_of_hinges(mechanism)}",
+        DescriptionWarning,
     )
+
+
+def _hint_of_hinges(mechanism: Mechanism) -> str:
+    """About which axis hinges turn, as the end of a warning; empty if no closure is a hinge."""
     if any(isinstance(c, Closure) and c.kind == "hinge" for c in mechanism.closures):
-        text += "; a hinge turns about z of its frames"
-    warn_caller(text, DescriptionWarning)
+        return "; a hinge turns about z of its frames"
+    return ""

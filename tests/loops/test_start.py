@@ -10,15 +10,15 @@ from sst_pin.errors import ClosureError, DescriptionWarning
 from sst_pin.loops.start import start_of
 
 
-def four_bar(kind):
+def four_bar(kind, crank=(0, 0, 0.3), coupler=(0.6, 0, 0.2), rocker=(0, 0, 0.5)):
     """Hinges about y; the frames of the closure have the axes of the links."""
     model, joints = pin.Model(), dict[str, int]()
     for name, parent, place in (("crank", "", [0, 0, 0]), ("rocker", "", [0.6, 0, 0])):
         joints[name] = add(model, joints.get(parent, 0), name, place)
-    joints["coupler"] = add(model, joints["crank"], "coupler", [0, 0, 0.3])
+    joints["coupler"] = add(model, joints["crank"], "coupler", crank)
     for name, joint, place in (
-        ("coupler_end", "coupler", [0.6, 0, 0.2]),
-        ("rocker_end", "rocker", [0, 0, 0.5]),
+        ("coupler_end", "coupler", coupler),
+        ("rocker_end", "rocker", rocker),
     ):
         end = pin.SE3(np.eye(3), np.array(place))
         model.addFrame(pin.Frame(name, joints[joint], end, pin.FrameType.OP_FRAME))
@@ -33,10 +33,18 @@ def add(model, parent, name, place):
     return joint
 
 
-def test_a_hinge_across_the_axes_of_the_joints_is_explained():
-    with pytest.warns(DescriptionWarning, match="a hinge turns about z of its frames"):
-        four_bar("hinge")
-    assert four_bar("3d").degrees_of_freedom == 1
+@pytest.mark.parametrize(
+    ("points", "warning"),
+    [
+        ([(0, 0, 0.3), (0.6, 0, 0.2), (0, 0, 0.5)], "hold the joints of the motors"),
+        ([(0.3, 0, 0), (0.6, 0, 0), (0.3, 0, 0)], "lead to no other pose"),  # in line at zero
+    ],
+)
+def test_a_hinge_across_the_axes_of_the_joints_is_explained(points, warning):
+    match = f"{warning}.*a hinge turns about z of its frames"
+    with pytest.warns(DescriptionWarning, match=match):
+        four_bar("hinge", *points)
+    assert four_bar("3d", *points).degrees_of_freedom == 1
 
 
 def test_positions_of_dependent_joints_with_fixed_choose_the_assembly():
