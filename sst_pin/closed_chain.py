@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pinocchio as pin
@@ -27,13 +28,21 @@ from .loops.frame_guide import frame_configurations
 from .loops.geometry_correction import correct_geometry
 from .loops.mobility import Mobility
 from .loops.start import assemble, start_of
-from .model.checks import Motor, coordinates_of, copied, recipe_of, without_locked
+from .model.checks import (
+    Motor,
+    coordinates_of,
+    copied,
+    recipe_of,
+    shares_without_locked,
+    without_locked,
+)
 from .model.closures import Constraint
 from .model.contacts import Contact, Rope
 from .model.geometry import lengthened, take_placements
 from .model.lines import LineForce
 from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
+from .model.weight_shares import Share, checked_shares
 from .simulation import energy
 from .summaries import Summary, listed
 
@@ -105,6 +114,10 @@ class ClosedChain(RobotProperties, Summary):
             position. They stay in q, and `reactions` has their forces. A robot with all its motors
             braked has no degrees of freedom; pass [] for va and aa.
         contacts: Each a `Contact` or a `Rope`; they act in `rollout(..., nonsmooth=True)` only.
+        weight_shares: Share of its weight that acts on a body, by the name of its joint; 0 for none
+            and 1, the default, for the whole weight. It can also be [share, x, y, z]: then the
+            first moment of the weight about the mass centre is the mass times [x, y, z], in the
+            axes of the joint, [m]. Shares stay as masses and mass centres change.
 
     Raises:
         DescriptionError: If the model cannot be used, as with two joints of one name.
@@ -139,9 +152,13 @@ class ClosedChain(RobotProperties, Summary):
         lines: Sequence[LineForce] = (),
         brakes: Sequence[str] = (),
         contacts: Sequence[Contact | Rope] = (),
+        weight_shares: Mapping[str, Share] = MappingProxyType({}),
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
+        shares = checked_shares(weight_shares)
+        if locked:
+            shares = shares_without_locked(model, locked, shares)
         mechanism = recipe_of(
             closures,
             actuated,
@@ -149,6 +166,7 @@ class ClosedChain(RobotProperties, Summary):
             lines,
             brakes,
             contacts,
+            shares,
             viscous_friction=viscous_friction,
             coulomb_friction=coulomb_friction,
             stiffness=stiffness,
@@ -1194,11 +1212,14 @@ class ClosedChain(RobotProperties, Summary):
         model = self.mechanism.model
         names = [line.name for line in self.lines]
         lines = [("lines", f"{len(names)} ({listed(names)})")] if names else []
+        with_shares = list(self.weight_shares)
+        shares = [("weight_shares", listed(with_shares))] if with_shares else []
         return f"{type(self).__name__} {model.name}", [
             ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),
             ("closures", f"{len(self.closures)} ({listed([str(c) for c in self.closures], 3)})"),
             ("motors", f"{len(self.motor_names)} ({listed(self.motor_names)})"),
             *lines,
+            *shares,
             ("sizes", f"nq = {model.nq}, nv = {model.nv}"),
             ("computed by", self.backend),
         ]

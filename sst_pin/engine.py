@@ -768,5 +768,7 @@ def _unpickled(
 ) -> Engine:
     """An engine with read-only arrays and a copied model: unpickled mimic joints would crash."""
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
+    if mechanism.weight_shares is not None:
+        parts["weight_shares"] = replace(mechanism.weight_shares)
     mechanism = replace(mechanism, model=pin.Model(mechanism.model), **parts)
     return Engine(mechanism, make_kernels, platform=platform)

@@ -123,6 +123,8 @@ def fingerprint(
         "near": near,
         "nonsmooth rows": of_rows,
     }
+    if mechanism.weight_shares is not None:
+        parts["weight shares"] = mechanism.weight_shares
     return _exact(parts).encode()
 
 

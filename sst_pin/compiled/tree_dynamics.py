@@ -177,6 +177,8 @@ class TreeDynamics:
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, J, _ = self._bodies[link.body]
             wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
+            if weight and link.body in self._lifted:
+                wrench = wrench - self._lift(link.body)
             if loads and link.body and self._loads.numel():
                 wrench = wrench - self._load(link.body)
             wrenches.append(wrench)
@@ -197,6 +199,28 @@ class TreeDynamics:
         if numbers is not None:
             lever = numbers[1] / numbers[0]
         return ca.vertcat(force, R.T @ moment + ca.cross(lever, force))
+
+    @cached_property
+    def _lifted(self) -> dict[int, tuple[SX, SX]]:
+        """Mass and first moment without weight, by the numbers of Pinocchio's joints."""
+        lifted = dict[int, tuple[SX, SX]]()
+        weight_shares = self._mechanism.weight_shares
+        if weight_shares is not None:
+            for body in weight_shares.bodies:
+                numbers = self._parameters.body(self._p, body + 1)
+                if numbers is not None:
+                    mass, c, _ = numbers
+                    W = sx(weight_shares.without_weight(body))
+                    without_weight = W @ ca.vertcat(mass, c)
+                    lifted[body + 1] = without_weight[0], without_weight[1:]
+        return lifted
+
+    def _lift(self, body: int) -> SX:
+        """Force and moment that carry what a link does not have of its weight, axes of the link."""
+        mass, c = self._lifted[body]
+        R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
+        g = R.T @ self._p[GRAVITY]
+        return -ca.vertcat(mass * g, ca.cross(c, g))
 
     def friction(self, v: Sparse) -> Sparse:
         """Forces that friction of joints and along lines needs."""
@@ -305,6 +329,9 @@ class TreeDynamics:
             body = self._bodies[link.body]
             R, p = self._kinematics.pose(0, i)
             energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
+            if link.body in self._lifted:
+                mass, c = self._lifted[link.body]
+                energies.append(ca.dot(gravity, mass * p + R @ c))
         rest = self._parameters.of_joints("spring_reference", self._p)
         moves = self._kinematics.difference(rest)
         stiffness = self._parameters.of_joints("stiffness", self._p)

@@ -123,6 +123,7 @@ class MjcfBodies:
             for joint in joints:
                 self._add_joint(body, joint)
             self._add_inertia(body, index)
+            self._put_weight_share(body, index)
             for child in self._model.children[index]:
                 self._add_body(child, body)
         self.of_joint[index] = body
@@ -188,6 +189,28 @@ class MjcfBodies:
         attributes["mass"] = numbers([max(inertia.mass, _LEAST_MASS)])
         pose = pose_attributes(pin.SE3(R, inertia.lever))
         SubElement(body, "inertial", pose | attributes)
+
+    def _put_weight_share(self, body: Element, index: int) -> None:
+        """Write the share of the weight that does not act on a body, as `gravcomp`.
+
+        MuJoCo compensates weight at the mass centre c. Weight with an offset d is written so: twice
+        the mass less the weight is compensated at c, and a body of almost no mass has the weight of
+        the mass m at c + d. Together these are the weight and m d.
+        """
+        weight_shares = self._mechanism.weight_shares
+        if weight_shares is None or index not in self._tree.bodies:
+            return
+        number = self._tree.bodies.index(index) - 1
+        inertia = self._model.inertias[index]
+        compensated = 1 - weight_shares.shares[number]
+        offset = weight_shares.offsets[number]
+        if offset.any() and inertia.mass:
+            compensated += 1
+            added = SubElement(body, "body", gravcomp=numbers([-inertia.mass / _LEAST_MASS]))
+            attributes = {"pos": numbers(inertia.lever + offset), "mass": numbers([_LEAST_MASS])}
+            SubElement(added, "inertial", attributes, diaginertia=numbers([_LEAST_INERTIA] * 3))
+        if compensated:
+            body.set("gravcomp", numbers([compensated]))
 
 
 def _body_names(model: pin.Model) -> dict[int, str]:

@@ -32,6 +32,7 @@ from ..model.geometry import (
 )
 from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
+from ..model.weight_shares import WeightShares
 from ..summaries import listed
 from . import regressor
 from .dynamics import Context
@@ -275,8 +276,20 @@ class Design:
                 _put(zero_rates, self._v, springs.stiffness),
                 _put(self._neutral, self._q, springs.reference),
             ),
+            weight_shares=self._enlarged_shares(large),
             example=None,
             row_sizes=None,
+        )
+
+    def _enlarged_shares(self, large: pin.Model) -> WeightShares | None:
+        """The shares of the weights for the bodies of the large tree."""
+        small = self._small.mechanism.weight_shares
+        if small is None:
+            return None
+        bodies = large.njoints - 1
+        return WeightShares(
+            _put(np.ones(bodies), self._bodies, small.shares),
+            _put(np.zeros((bodies, 3)), self._bodies, small.offsets),
         )
 
     def _at(self, q: Array) -> tuple[Array, Context]:

@@ -185,11 +185,29 @@ class Context:
         Masses that move with the lengths of lines are part of the tree.
         """
         S = self.tree.S
-        forces = pin.rnea(self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)).dot(S)
+        motion = self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)
+        if self.mechanism.weight_shares is None:
+            forces = pin.rnea(*motion).dot(S)
+        else:
+            forces = pin.rnea(*motion, pin.StdVec_Force(self.lifts())).dot(S)
         if self.mechanism.lines.masses.any():
             tensions = self.lines.inertial_tensions(self.loops.q_of_model, v, v_dot)
             forces = forces + tensions.dot(self.lines.loops.Phi)
         return forces
+
+    def lifts(self) -> list[pin.Force]:
+        """Forces that carry what bodies do not have of their weight, at the current q.
+
+        One for each joint of the normal tree, in its axes and at its origin.
+        """
+        lifts = [pin.Force.Zero() for _ in range(self.tree.model.njoints)]
+        mechanism = self.mechanism
+        if mechanism.weight_shares is not None:
+            for body, (mass, *moment) in mechanism.weight_shares.lifted(mechanism.model).items():
+                joint = self.tree.bodies[body + 1]
+                g = self.data.oMi[joint].rotation.T @ mechanism.model.gravity.linear
+                lifts[joint] = pin.Force(-mass * g, -np.cross(moment, g))
+        return lifts
 
     def tree_inertia(self) -> Array:
         """Mass matrix of the tree at the current q, shape (nv, nv)."""
@@ -262,7 +280,7 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     v, v_dot = context.complement.motion(q, va, aa)
 
     # Wrenches [moment; force] on the bodies, in the order of K: their sizes for each body.
-    K, K_dot, M, Omega, weights = bodies(context.loops, v)
+    K, K_dot, M, Omega, weights = bodies(context.loops, v, mechanism.weight_shares)
     on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
         force, moment = np.hsplit(wrenches, 2)
@@ -343,7 +361,7 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     Phi_dot = context.loops.Phi_dot(v)
     L_dot = context.complement.L_dot(Phi_dot)
     context.complement.require_accelerations(v, L_dot @ va, Phi_dot @ v)
-    of_bodies = bodies(context.loops, v)
+    of_bodies = bodies(context.loops, v, mechanism.weight_shares)
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, weights = of_bodies
     N_l, N_d = decoupled(context.loops)

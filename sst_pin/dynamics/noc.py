@@ -21,6 +21,7 @@ from ..loops.loops import Loops, connected
 from ..loops.ranks import condition_number
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NUMBER, RESTS
+from ..model.weight_shares import WeightShares
 from ..summaries import listed
 
 #: Up to this condition number k, normal equations are as precise as singular values: their error is
@@ -286,7 +287,7 @@ def body_jacobians(loops: Loops) -> Array:
     return J.dot(loops.tree.S).reshape(-1, loops.model.nv)
 
 
-def bodies(loops: Loops, v: Array) -> Bodies:
+def bodies(loops: Loops, v: Array, weight_shares: WeightShares | None) -> Bodies:
     """K, K_dot, M, Omega and w^g at rates v of the tree."""
     model = loops.model
     S = loops.tree.S
@@ -309,7 +310,11 @@ def bodies(loops: Loops, v: Array) -> Bodies:
         M[i, :3, i, :3] = R @ body.inertia @ R.T  # Eq. (67)
         M[i, 3:, i, 3:] = body.mass * np.eye(3)
         Omega[i, :3, i, :3] = pin.skew(omega[i])  # Eq. (67), as a cross-product matrix
-        weights[i, 3:] = body.mass * model.gravity.linear
+        weight = body.mass * model.gravity.linear
+        if weight_shares is not None:
+            weights[i, :3] = np.cross(R @ weight_shares.offsets[i], weight)
+            weight = weight_shares.shares[i] * weight
+        weights[i, 3:] = weight
     return Bodies(
         K.reshape(-1, model.nv),
         K_dot.reshape(-1, model.nv),

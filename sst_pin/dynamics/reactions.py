@@ -272,6 +272,8 @@ def _rigid_wrenches(
     # The wrenches in the joints of the tree if there were no closures.
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
+    if mechanism.weight_shares is not None:
+        local = [load + lift for load, lift in zip(local, context.lifts(), strict=True)]
     S = tree.S
     pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
     without_closures = np.array([data.f[j].vector for j in tree.bodies[1:]])

@@ -308,5 +308,10 @@ class Reference(threading.local):
         model = self.mechanism.model
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
         energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
+        if self.mechanism.weight_shares is not None:
+            for body, (mass, *moment) in self.mechanism.weight_shares.lifted(model).items():
+                placement = context.data.oMi[context.tree.bodies[body + 1]]
+                at_origin = mass * placement.translation + placement.rotation @ moment
+                energy += at_origin.dot(model.gravity.linear)
         energy += 0 if springs.none else springs.energy(model, q)
         return np.asarray(energy + self.mechanism.lines.energy(context.lines.lengths(q)))

@@ -233,6 +233,18 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     )
     Y_tree = Y_tree.reshape(tree.model.nv, -1)  # Pinocchio gives a vector for one rate
     by_body = S.dot(L).T.dot(Y_tree).reshape(n, tree.model.njoints - 1, len(OF_BODY))
+    weight_shares = context.mechanism.weight_shares
+    if weight_shares is not None:
+        # At rest, bodies need forces for their weights alone.
+        at_rest = np.zeros(tree.model.nv)
+        Y_weights = pin.computeJointTorqueRegressor(
+            tree.model, context.data, context.loops.q, at_rest, at_rest
+        )
+        Y_weights = Y_weights.reshape(tree.model.nv, -1)
+        of_weights = S.dot(L).T.dot(Y_weights).reshape(by_body.shape)
+        for body in weight_shares.bodies:
+            k = tree.bodies[body + 1] - 1
+            by_body[:, k, :4] -= of_weights[:, k, :4].dot(weight_shares.without_weight(body))
     order = np.array(tree.bodies[1:]) - 1  # bodies of the robot in the order of its tree
     return by_body[:, order].reshape(n, len(order) * len(OF_BODY))
 

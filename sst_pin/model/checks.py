@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +22,7 @@ from .lines import LineForce, Lines
 from .mechanism import Friction, Mechanism, Springs, read_only
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
+from .weight_shares import Link, shares_of_links, weight_shares_of
 
 #: Mimic joints that Pinocchio computes correctly, in their printed form: they have no attribute for
 #: their kind. Pinocchio omits the pitch of helical joints. Continuous ones ("RUBX") have no limits.
@@ -69,6 +71,7 @@ def recipe_of(
     lines: Sequence[LineForce],
     brakes: Sequence[str] = (),
     contacts: Sequence[Contact | Rope] = (),
+    weight_shares: Mapping[str, Array] = MappingProxyType({}),
     **numbers: ArrayLike | None,
 ) -> partial[Mechanism]:
     """A function that makes a mechanism of a tree, with the checked arguments of `ClosedChain`.
@@ -76,7 +79,8 @@ def recipe_of(
     A chain makes mechanisms of several trees: after `refresh`, or with other parameters. So the
     arguments are checked and copied once, here.
 
-    `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
+    `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference;
+    `weight_shares` are checked.
     """
     return partial(
         mechanism_of,
@@ -90,6 +94,7 @@ def recipe_of(
         lines=lines_of(lines),
         brakes=names_of("brakes", brakes),
         contacts=contacts_of(contacts),
+        weight_shares=weight_shares,
     )
 
 
@@ -102,6 +107,7 @@ def mechanism_of(
     lines: tuple[LineForce, ...],
     brakes: tuple[str, ...] = (),
     contacts: Contacts | None = None,
+    weight_shares: Mapping[str, Array] = MappingProxyType({}),
 ) -> Mechanism:
     """A mechanism from the arguments of `ClosedChain`; the tree is not copied.
 
@@ -145,6 +151,7 @@ def mechanism_of(
         springs=springs,
         lines=Lines(lines, read_only(B_lines)),
         contacts=contacts,
+        weight_shares=weight_shares_of(model, weight_shares),
     )
 
 
@@ -201,6 +208,38 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
         else:
             changes[number] = PartlyLocked(joint, positions)
     return rebuilt(model, changes)
+
+
+def shares_without_locked(
+    model: pin.Model, locked: Sequence[str] | Mapping[str, float], shares: Mapping[str, Array]
+) -> dict[str, Array]:
+    """The shares of the weights, by the names of joints, in the tree `without_locked`.
+
+    The body of a locked joint becomes a part of another body.
+    """
+    before = weight_shares_of(model, shares)
+    if before is None:
+        return {}
+    # A frame at each joint shows where its body is afterwards.
+    marked = copied(model)
+    frames = [f"body {i} before joints are locked" for i in range(model.njoints)]
+    for i in range(1, model.njoints):
+        here = pin.SE3.Identity()
+        marked.addFrame(pin.Frame(frames[i], i, 0, here, pin.FrameType.OP_FRAME), False)
+    after = without_locked(marked, locked)
+    links = list[Link]()
+    for i in range(1, model.njoints):
+        frame = after.frames[frame_id(after, frames[i])]
+        body = model.inertias[i]
+        link = Link(
+            joint=frame.parentJoint,
+            mass=body.mass,
+            center=frame.placement.act(body.lever),
+            share=before.shares[i - 1],
+            offset=frame.placement.rotation @ before.offsets[i - 1],
+        )
+        links.append(link)
+    return shares_of_links(after, links)
 
 
 def _locked_positions(

@@ -18,6 +18,7 @@ from .joint_space import JointSpace
 from .lines import Lines
 from .loop_groups import LoopGroup, longest_offset, loop_groups
 from .tree import joint_id
+from .weight_shares import WeightShares
 
 _Numbers = TypeVar("_Numbers", Array, Indices)
 
@@ -137,6 +138,8 @@ class Mechanism:
     lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
     #: What acts only in steps of `rollout(..., nonsmooth=True)`.
     contacts: Contacts = Contacts()  # noqa: RUF009
+    #: None if the whole weight of each body acts.
+    weight_shares: WeightShares | None = None
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None

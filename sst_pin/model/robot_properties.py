@@ -10,6 +10,7 @@ from .closures import Constraint
 from .contacts import Contact, Rope
 from .lines import LineForce
 from .mechanism import Friction, Mechanism
+from .weight_shares import Share, shares_by_name
 
 #: Names of other packages, and the names to use instead.
 _INSTEAD = {
@@ -49,6 +50,14 @@ class RobotProperties:
     def contacts(self) -> tuple[Contact | Rope, ...]:
         """The contacts, then the ropes."""
         return self.mechanism.contacts.points + self.mechanism.contacts.ropes
+
+    @property
+    def weight_shares(self) -> dict[str, Share]:
+        """Shares of the bodies that do not have their whole weight, by the names of joints.
+
+        A share is a number or [share, x, y, z], as for the constructor.
+        """
+        return shares_by_name(self.mechanism.model, self.mechanism.weight_shares)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -183,6 +183,9 @@ class SST(ClosedChain):
         if mechanism.lines.forces or not mechanism.springs.none:
             problems = ["it has springs or lines, which Parameters do not describe"]
             raise DescriptionError(f"model {mechanism.model.name}", problems)
+        if mechanism.weight_shares is not None:
+            problems = ["it has weight_shares, which Parameters do not describe"]
+            raise DescriptionError(f"model {mechanism.model.name}", problems)
         parameters = parameters_of(mechanism.model, _geometry_of_engine(engine), mechanism.friction)
         written = _description_of(parameters).model
         problems = list(differences(mechanism.model, written))

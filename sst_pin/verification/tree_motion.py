@@ -10,6 +10,7 @@ from ..arrays import Array
 from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_id
+from ..model.weight_shares import WeightShares
 from .constraint_rows import FrameMotion, closure_rows
 
 #: Singular values below this count as redundant closures, relative to the largest.
@@ -45,18 +46,20 @@ class PinocchioTree:
     """The tree in Pinocchio."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._model = mechanism.model
+        self._mechanism = mechanism
 
     def move(self, q: Array, v: Array) -> "_PinocchioMotion":
         """See `Tree.move`."""
-        return _PinocchioMotion(self._model, q, v)
+        return _PinocchioMotion(self._mechanism, q, v)
 
 
 class _PinocchioMotion:
     """See `TreeMotion`."""
 
-    def __init__(self, model: pin.Model, q: Array, v: Array) -> None:
+    def __init__(self, mechanism: Mechanism, q: Array, v: Array) -> None:
+        model = mechanism.model
         self._model = model
+        self._weight_shares = mechanism.weight_shares
         self._q = q
         self._v = v
         self._data = model.createData()
@@ -77,7 +80,26 @@ class _PinocchioMotion:
         """See `TreeMotion.forces`."""
         data = self._model.createData()  # RNEA would overwrite the motion
         force: Array = pin.rnea(self._model, data, self._q, self._v, dv)
+        if self._weight_shares is not None:
+            force = force + self._weight_that_does_not_act(self._weight_shares)
         return force
+
+    def _weight_that_does_not_act(self, weight_shares: WeightShares) -> Array:
+        """Its forces along the joints, by virtual work, shape (nv,)."""
+        forces = np.zeros(self._model.nv)
+        rows = zip(weight_shares.shares, weight_shares.offsets, strict=True)
+        for joint, (share, offset) in enumerate(rows, start=1):
+            body = self._model.inertias[joint]
+            weight = body.mass * self._model.gravity.linear
+            J = np.reshape(
+                pin.getJointJacobian(self._model, self._data, joint, pin.LOCAL_WORLD_ALIGNED),
+                (6, -1),
+            )
+            R = self._data.oMi[joint].rotation
+            J_of_center = J[:3] - pin.skew(R @ body.lever) @ J[3:]
+            forces += J_of_center.T @ ((1 - share) * weight)
+            forces -= J[3:].T @ np.cross(R @ offset, weight)
+        return forces
 
 
 # --- the closed chain ---------------------------------------------------------------------------
