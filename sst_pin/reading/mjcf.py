@@ -107,6 +107,7 @@ def robot_file_of(
         spring_reference=springs.reference,
         lines=lines,
         contacts=(*points, *ropes),
+        weight_shares=tree.weight_shares(),
         notes=tuple(notes),
     )
 

@@ -53,14 +53,30 @@ class Compiled:
         bit = getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}", 0)
         return bool(self.mj.opt.disableflags & int(bit))
 
+    @property
+    def motors_carry_weights(self) -> bool:
+        """Whether motors, and not MuJoCo, compensate weights."""
+        return bool(getattr(self.mj, "jnt_actgravcomp", np.zeros(0)).any())
+
+    @cached_property
+    def body_gravcomp(self) -> Array:
+        """The share of its weight that is compensated for each body, shape (bodies,).
+
+        It is zero if MuJoCo computes no passive forces: if neither springs nor dampers act.
+        """
+        without_passive = self.disabled("spring") and self.disabled("damper")
+        if without_passive or self.disabled("passive"):
+            return np.zeros(self.mj.nbody)
+        return np.array(self.mj.body_gravcomp)
+
     @cached_property
     def gravcomp(self) -> float | None:
         """The share of the weights that is compensated, if it is one for all bodies; else None."""
         mj = self.mj
-        if getattr(mj, "jnt_actgravcomp", np.zeros(0)).any():  # the motors compensate
+        if self.motors_carry_weights:
             return None
         moving = mj.body_weldid > 0
-        shares = set(mj.body_gravcomp[moving & (mj.body_mass > 0)].tolist())
+        shares = set(self.body_gravcomp[moving & (mj.body_mass > 0)].tolist())
         return shares.pop() if len(shares) == 1 else None
 
     # --- names --------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..model.joint_series import SLIDES, TURNS, PartlyLocked, Series
+from ..model.weight_shares import Link, shares_of_links
 from .mjcf_compiled import BALL, FREE, HINGE, Compiled, pose_of
 
 
@@ -104,6 +105,18 @@ class MjcfTree:
         lengths = [self._compiled.tendon_length(tendon, qpos) for tendon in self.tendons]
         parts.append(np.array(lengths))
         return np.concatenate(parts)
+
+    def weight_shares(self) -> dict[str, Array]:
+        """Shares of the weights by joint, which `gravcomp` leaves; see `model.weight_shares`."""
+        if self._compiled.gravcomp is not None:  # the gravity has it
+            return {}
+        mj = self._compiled.mj
+        links = list[Link]()
+        for body, (joint, placement) in enumerate(self.bodies):
+            center = placement.act(mj.body_ipos[body])
+            share = 1 - float(self._compiled.body_gravcomp[body])
+            links.append(Link(joint, float(mj.body_mass[body]), center, share))
+        return shares_of_links(self.model, links)
 
     def by_rate(self, of_dofs: Array, of_tendons: Array) -> Array:
         """Numbers for the rates of the model, shape (nv,).

@@ -48,9 +48,11 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
 
     # Fields of which MuJoCo tells whether they act.
     forces = SampledForces(compiled, tree)
-    # `gravcomp` is read if it is the same for all bodies: `compiled.gravcomp` is not None then.
-    if compiled.gravcomp is None and forces.depend_on("body_gravcomp"):
-        problems.append(_gravcomp_problem(compiled))
+    if compiled.motors_carry_weights and forces.depend_on("body_gravcomp"):
+        problems.append(
+            "actuatorgravcomp is not supported: remove gravcomp; the torques of the motors are "
+            "then those with which they compensate weights"
+        )
     for field, description in _NOT_READ.items():
         if forces.depend_on(field):
             problems.append(f"{description} is not supported")
@@ -154,26 +156,3 @@ def _plugin_problems(compiled: Compiled) -> Iterator[str]:
         what = f"a plugin {plugin}" if plugin else "a plugin"
         name = compiled.name("body", body)
         yield f"body {name}: {what} with forces is not supported"
-
-
-def _gravcomp_problem(compiled: Compiled) -> str:
-    """What to do about a `gravcomp` that differs between bodies, ready to paste."""
-    mj = compiled.mj
-    if getattr(mj, "jnt_actgravcomp", np.zeros(0)).any():
-        return (
-            "actuatorgravcomp is not supported: remove gravcomp; the torques of the motors are "
-            "then those with which they compensate weights"
-        )
-    sites = list[str]()
-    wrenches = list[str]()
-    for body in map(int, np.flatnonzero((mj.body_gravcomp != 0) & (mj.body_mass > 0))):
-        name = compiled.name("body", body)
-        center = " ".join(f"{x:.12g}" for x in mj.body_ipos[body])
-        sites.append(f'in body {name} <site name="{name}_lift" pos="{center}"/>')
-        force = -mj.body_gravcomp[body] * mj.body_mass[body] * mj.opt.gravity
-        numbers = ", ".join(f"{x + 0.0:.12g}" for x in force)  # -0 + 0 is 0
-        wrenches.append(f'"{name}_lift": [{numbers}, 0, 0, 0]')
-    return (
-        "gravcomp that differs between bodies is not supported: remove gravcomp, add sites at the "
-        f"mass centres, {', '.join(sites)}, and pass external_wrenches={{{', '.join(wrenches)}}}"
-    )

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The description of a closed chain in its files."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import pinocchio as pin
@@ -34,6 +35,7 @@ class RobotFile(NamedTuple):
     lines: tuple[LineForce, ...] = ()
     brakes: tuple[str, ...] = ()
     contacts: tuple[Contact | Rope, ...] = ()
+    weight_shares: Mapping[str, Array] = MappingProxyType({})  #: As `checked_shares` gives them.
     notes: tuple[Problem, ...] = ()  #: Content of the files that is ignored.
     open_tree: str = ""  #: A warning if the robot has no loops; else empty.
 
@@ -49,6 +51,7 @@ class RobotFile(NamedTuple):
             "lines": self.lines,
             "brakes": self.brakes,
             "contacts": self.contacts,
+            "weight_shares": self.weight_shares,
         }
 
     def mechanism(self) -> Mechanism:
@@ -67,6 +70,7 @@ class RobotFile(NamedTuple):
             lines=self.lines,
             brakes=self.brakes,
             contacts=contacts_of(self.contacts),
+            weight_shares=self.weight_shares,
         )
         return with_chosen_coordinates(correct_geometry(mechanism))
 

@@ -211,3 +211,14 @@ def test_a_pickled_robot_has_its_shares_read_only(hexapod):
 def test_wrong_shares_are_refused(shares, error, words):
     with pytest.raises(error, match=words):
         with_shares(four_bar(), shares)
+
+
+def test_an_mjcf_that_is_written_has_the_shares(hexapod, state, tmp_path):
+    """The writer gives an offset to a body of 1e-12 kg, so the forces agree to about 1e-12."""
+    q, va, aa = state
+    path = tmp_path / "hexapod.xml"
+    sst_pin.write_mjcf(hexapod, path)
+    again = sst_pin.ClosedChain.from_mjcf(path)
+    again = again.with_coordinates(hexapod.coordinates)
+    f = again.generalized_forces(q, va, aa)
+    assert_allclose(f, hexapod.generalized_forces(q, va, aa), rtol=1e-8)

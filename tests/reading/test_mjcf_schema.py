@@ -97,6 +97,7 @@ def disagreements(path, text):
     options = {"stiffness": read.stiffness, "spring_reference": read.spring_reference}
     # MuJoCo's dry friction is a constraint.
     options["lines"] = [replace(line, coulomb_friction=0.0) for line in read.lines]
+    options["weight_shares"] = read.weight_shares
     options["coulomb_friction"] = np.zeros(model.nv)
     names = list(model.names)[1:]
     chain = sst_pin.ClosedChain(model, [], [], coordinates=names, **options)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """MJCF files of others: missing meshes, weights that are compensated, contacts, idle spins."""
 
-import ast
 import re
 import warnings
 
@@ -89,27 +88,19 @@ def test_weights_that_are_compensated_alike_are_those_of_mujoco(share, tmp_path)
     np.testing.assert_allclose(chain.compute_torques(*STATE), expected, rtol=1e-10)
 
 
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_the_error_of_weights_that_are_compensated_in_part_has_a_cure_to_paste(compiled, tmp_path):
-    """Sites and wrenches as the error prints them give the torques of MuJoCo."""
-    gravity = '<option gravity="1 2 -9"/>'
+@pytest.mark.parametrize("flags", ["", '<flag spring="disable" damper="disable"/>'])
+def test_weights_that_are_compensated_in_part_are_those_of_mujoco(flags, tmp_path):
+    """Also of a tool that is fixed to the hand; without passive forces nothing is compensated."""
+    gravity = f'<option gravity="1 2 -9">{flags}</option>'
     of_hand = ' gravcomp="0.8"'
     text = mjcf(inertial=INERTIAL, of_arm=' gravcomp="0.3"', of_hand=of_hand, assets=gravity)
-    with pytest.raises(sst_pin.DescriptionError, match="gravcomp that differs") as caught:
-        read(text, tmp_path)
-    told = str(caught.value)
-    with_sites = mjcf(inertial=INERTIAL, assets=gravity)
-    for body, site in re.findall(r"in body (\w+) (<site .*?/>)", told):
-        with_sites = re.sub(f'<body name="{body}"[^>]*>', rf"\g<0>{site}", with_sites)
-    assert with_sites.count("<site") == 2
-    wrenches = ast.literal_eval(told.partition("external_wrenches=")[2])
-    chain, _ = read(with_sites, tmp_path, actuated=["j", "k"])
-    if compiled:
-        chain.compile()
-    tau = chain.compute_torques(*STATE, external_wrenches=wrenches)
+    tool = f'<body pos=".1 .2 .3" euler="10 20 30" gravcomp="-.5">{INERTIAL}</body>'
+    text = text.replace("</body></body>", f"{tool}</body></body>")
+    chain, texts = read(text, tmp_path, actuated=["j", "k"])
+    assert texts == []
+    assert list(chain.weight_shares) == ([] if flags else ["j", "k"])
+    tau = chain.compute_torques(*STATE)
     np.testing.assert_allclose(tau, forces_of_mujoco(text, *STATE), rtol=1e-10)
-    aa = chain.compute_accelerations(*STATE[:2], tau, external_wrenches=wrenches)
-    np.testing.assert_allclose(aa, STATE[2], rtol=1e-9)
 
 
 def test_compensation_by_the_motors_is_refused_with_a_cure(tmp_path):
