@@ -14,6 +14,7 @@ from ..dynamics.regressor import OF_BODY
 from ..engine import require_robot
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import as_path, text_writer, write_files
+from ..model.weight_shares import checked_shares
 from ..reading import Urdf
 from ..reading.inertia_checks import ENTRIES
 from ..reading.joint_graph import origin_of
@@ -51,7 +52,8 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
 
     Warns:
         DescriptionWarning: For parameters that differ when the file is read again, with the YAML of
-            the first: rotors, springs, forces along lines, different friction in one joint.
+            the first: rotors, springs, forces along lines, different friction in one joint, shares
+            of the weights of links that become one.
 
     Example:
         >>> chain = sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH)
@@ -209,7 +211,8 @@ def _differences(
     not_compared = set[str]()
     for series in partly_locked.values():
         not_compared.update(series)
-    parameters_again = ClosedChain.from_description(read_again(urdf)).dynamic_parameters
+    chain_again = ClosedChain.from_description(read_again(urdf))
+    parameters_again = chain_again.dynamic_parameters
     value_again = dict(zip(parameters_again.names, parameters_again.values, strict=True))
 
     theta = chain.dynamic_parameters
@@ -224,4 +227,14 @@ def _differences(
     of_bodies = [name for name in different if name.rpartition(".")[2] in OF_BODY]
     if of_bodies:
         raise DescriptionError(urdf.source, [f"it is another robot: {listed(of_bodies)} differ"])
+
+    # Links that are fixed to each other are one link now, though their shares may differ.
+    shares = checked_shares(chain.weight_shares)
+    shares_again = checked_shares(chain_again.weight_shares)
+    whole = np.array([1.0, 0, 0, 0])
+    for joint in {**shares, **shares_again}:
+        difference = shares.get(joint, whole) - shares_again.get(joint, whole)
+        allowed = _EQUAL * np.array([1, *[chain.mechanism.length] * 3])
+        if (np.abs(difference) > allowed).any() and joint not in not_compared:
+            different.append(f"{joint}: {chain.weight_shares.get(joint, 1.0)} in weight_shares")
     return different

@@ -5,16 +5,13 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
-from ..arrays import Array
 from ..summaries import listed
-from .problems import Problem, error, number, numbers, stands_for, warning
+from .problems import Problem, error, numbers, stands_for, warning
 from .tool_elements import (
     GEAR_RATIO,
     ROTOR_INERTIA,
     SPRINGS,
-    is_weightless,
     is_weld,
-    links_without_gravity,
     mimic_of_ros2_control,
     one_axis_joints,
     ros2_control_parameters,
@@ -48,13 +45,10 @@ _HARMLESS = {
 }
 
 
-def unread_elements(root: ET.Element, gravity: Array, is_sdf: bool) -> Iterator[Problem]:
-    """Warnings of elements that act in other tools and are not read; errors of bad numbers.
+def unread_elements(root: ET.Element) -> Iterator[Problem]:
+    """Warnings of elements of a `<robot>` that act in other tools and are not read.
 
-    Args:
-        root: The `<robot>`.
-        gravity: In base axes, shape (3,), [m/s^2].
-        is_sdf: Whether the file is an SDF, for cures that are pasted into it.
+    Numbers that cannot be read are errors.
     """
     known_names = {e.get("name", "") for e in root if e.tag in ("link", "joint", "frame")}
     joints = {joint.get("name", "") for joint in root.findall("joint")}
@@ -72,7 +66,6 @@ def unread_elements(root: ET.Element, gravity: Array, is_sdf: bool) -> Iterator[
             if names:
                 yield warning(f"<{element.tag}>", f"of {listed(names)} is not read")
     yield from _attributes_of_joints(root)
-    yield from _gravity_of_some_links(root, gravity, is_sdf)
 
 
 def _texts(element: ET.Element) -> set[str]:
@@ -211,38 +204,3 @@ def _attributes_of_joints(root: ET.Element) -> Iterator[Problem]:
                     joints.append(joint.get("name", ""))
     for attribute, joints in joints_by_attribute.items():
         yield warning(f"joints {', '.join(joints)}", f"{attribute}=... is not read")
-
-
-def _gravity_of_some_links(root: ET.Element, gravity: Array, is_sdf: bool) -> Iterator[Problem]:
-    """Warnings of links without gravity in a robot with gravity.
-
-    If gravity is off for all links, the robot is read without gravity.
-    """
-    if is_weightless(root):
-        return
-    without_gravity = links_without_gravity(root)
-    for link in root.findall("link"):
-        if link.get("name", "") in without_gravity:
-            yield warning(f"link {link.get('name')}", _gravity_problem(link, gravity, is_sdf))
-
-
-def _gravity_problem(link: ET.Element, gravity: Array, is_sdf: bool) -> str:
-    """What to do about a link without gravity, ready to paste: a force at its mass centre."""
-    name = link.get("name")
-    mass = number(link.find("inertial/mass"), "value") or 0.0
-    origin = link.find("inertial/origin")
-    center = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
-    if is_sdf:
-        frame = (
-            f'<frame name="{name}_lift" attached_to="{name}">'
-            f'<pose relative_to="{name}">{center} 0 0 0</pose></frame>'
-        )
-    else:
-        frame = f'<frame name="{name}_lift" link="{name}" xyz="{center}"/>'
-    force = ", ".join(f"{-mass * component + 0.0:.12g}" for component in gravity)
-    return (
-        "gravity is off for some links only, which is not supported; it counts as on. To carry the "
-        f"weight, add a frame at the mass centre, {frame}, and pass "
-        f'external_wrenches={{"{name}_lift": [{force}, 0, 0, 0]}} (other numbers if the YAML has '
-        "another gravity)"
-    )

@@ -13,8 +13,9 @@ import pinocchio as pin
 
 from ..arrays import names
 from ..errors import DescriptionError
-from ..model.checks import Motor, tendon_of, without_locked
+from ..model.checks import Motor, shares_without_locked, tendon_of, without_locked
 from ..model.closures import Constraint, Coupling, frames_of
+from ..model.weight_shares import checked_shares
 from ..summaries import listed
 from .closing_frames import closures_of_frames, is_closing
 from .cuts import Cuts, parse_cuts
@@ -113,7 +114,11 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
         notes += [warning("srdf", text) for text in texts]
     with naming(source):
-        model = _with_locked_joints(model, urdf, cuts)
+        weight_shares = urdf.weight_shares(model) | checked_shares(cuts.weight_shares)
+        locked = _locked_joints(urdf, cuts)
+        if locked:
+            weight_shares = shares_without_locked(model, locked, weight_shares)
+            model = without_locked(model, locked)
         stiffness, spring_reference = springs_of(model, numbers)
 
     # Motors; in an open tree without motors each joint has one.
@@ -139,6 +144,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         lines=cuts.lines,
         brakes=cuts.brakes,
         contacts=cuts.contacts,
+        weight_shares=weight_shares,
         notes=tuple(notes),
         open_tree=open_tree,
     )
@@ -224,12 +230,11 @@ def _joints_with_limits(cuts: Cuts) -> set[str]:
     return names
 
 
-def _with_locked_joints(model: pin.Model, urdf: Urdf, cuts: Cuts) -> pin.Model:
-    """The tree in which the joints that the cuts lock do not move."""
+def _locked_joints(urdf: Urdf, cuts: Cuts) -> list[str]:
+    """The joints of the tree that the cuts lock."""
     fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
     # Joints that the URDF fixes are no joints of the tree.
-    locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
-    return without_locked(model, locked) if locked else model
+    return [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
 
 
 def _moving_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:

@@ -17,6 +17,7 @@ from ..model.checks import Motor
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.contacts import Contact, Rope
 from ..model.lines import NUMBERS_OF_LINE, LineForce
+from ..model.weight_shares import Share
 from .cut_joints import CutJoint, Side, cut_joint
 from .joint_kinds import KINDS
 from .joint_numbers import LIMITS, JointNumbers
@@ -54,6 +55,8 @@ class Cuts(NamedTuple):
     brakes: tuple[str, ...] = ()
     #: Joints whose position the closures determine, so that their `<mimic>` is ignored.
     dependent: tuple[str, ...] = ()
+    #: As the argument of `ClosedChain`; they replace those of the URDF.
+    weight_shares: Mapping[str, Share] = MappingProxyType({})
     #: In base axes, shape (3,), [m/s^2]; None: the gravity of the URDF.
     gravity: Array | None = None
     #: The YAML, for messages; empty without one.
@@ -101,6 +104,7 @@ _KEYS = (
     "armature",
     "coupling",
     "gravity",
+    "weight_shares",
 )
 
 
@@ -137,6 +141,7 @@ def _laas_cuts(content: YamlContent) -> Cuts:
         locked=tuple(content.entries("locked", name_in)),
         brakes=tuple(content.entries("brakes", name_in)),
         gravity=_gravity(content),
+        weight_shares=content.table("weight_shares", _weight_share),
     )
 
 
@@ -314,6 +319,16 @@ def _friction(joint: str, value: Any) -> float:
     if coefficient < 0:
         raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
     return coefficient
+
+
+def _weight_share(joint: str, value: Any) -> Share:
+    """The share of its weight that acts on the body of a joint, perhaps with its offset."""
+    if not isinstance(value, list):
+        return number_in(value)
+    numbers_of_share = [number_in(number) for number in value]
+    if len(numbers_of_share) != 4:
+        raise ValueError(f"{shown(value)} is neither a number nor [share, x, y, z]")
+    return numbers_of_share
 
 
 def _kind(value: Any) -> str:

@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from ..arrays import Array
 from ..errors import DescriptionError, InputError
 from ..model.closures import Coupling
+from ..model.weight_shares import Link, shares_of_links
 from .acting_elements import unread_elements
 from .joint_kinds import with_kinds
 from .loop_elements import loop_elements
-from .problems import numbers, placement
+from .problems import attribute, number, numbers, placement
 from .sdf import read_sdf
 from .text import parse_almost_xml, read_text, with_elements
-from .tool_elements import is_weightless, joint_numbers, mimics_of
+from .tool_elements import is_weightless, joint_numbers, links_without_gravity, mimics_of
 from .urdf_checks import check
 from .urdf_defaults import WIDE, add_defaults
 
@@ -62,7 +64,7 @@ class Urdf:
         if is_weightless(self.root):
             self.gravity = np.zeros(3)
         notices += add_defaults(self.root)
-        notices += unread_elements(self.root, self.gravity, is_sdf)
+        notices += unread_elements(self.root)
         self.numbers = joint_numbers(self.root)
         self.loop_elements = loop_elements(self.root)
         self.notices = tuple(notice for notice in notices if notice.severity != "error")
@@ -86,6 +88,29 @@ class Urdf:
             polynomials = {mimic.leader: (0.0, float(mimic.multiplier))}
             couplings.append(Coupling(mimic.follower, polynomials, float(mimic.offset)))
         return tuple(couplings)
+
+    def weight_shares(self, model: pin.Model) -> dict[str, Array]:
+        """Shares of the weights in a tree of this URDF, by joint; see `model.weight_shares`.
+
+        Links without gravity have no weight. If there are no others, the gravity is zero.
+        """
+        without_gravity = links_without_gravity(self.root)
+        if not without_gravity or is_weightless(self.root):
+            return {}
+        links = list[Link]()
+        for element in self.root.findall("link"):
+            name = element.get("name", "")
+            frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+            center = numbers(attribute(element, "inertial/origin/xyz") or "0 0 0", 3)
+            assert center is not None  # `urdf_checks` reports other texts
+            link = Link(
+                joint=frame.parentJoint,
+                mass=number(element.find("inertial/mass"), "value") or 0.0,
+                center=frame.placement.act(center),
+                share=0.0 if name in without_gravity else 1.0,
+            )
+            links.append(link)
+        return shares_of_links(model, links)
 
     def tree(self, kinds: Mapping[str, str] | None = None) -> pin.Model:
         """The Pinocchio model; an error names every error of `problems`.

@@ -230,3 +230,17 @@ def test_states_of_an_srdf_name_joints_by_whole_names(tmp_path):
     (tmp_path / "r.srdf").write_text(state.format("group_states"))
     with pytest.raises(sst_pin.DescriptionError, match="did you mean group_state"):
         read(path, actuated=["arm_X"])
+
+
+def test_shares_of_weights_that_a_urdf_cannot_store_are_named_with_a_cure(tmp_path):
+    """The weight and the cap become one link; the cure is what the warning tells."""
+    off = '<gazebo reference="cap"><gravity>false</gravity></gazebo></robot>'
+    chain = read(tmp_path / "arm.urdf", ARM.replace("</robot>", off))
+    with pytest.warns(sst_pin.DescriptionWarning, match="turn: .* in weight_shares"):
+        write_urdf(chain, tmp_path / "arm.urdf", tmp_path / "new.urdf")
+    shares = f"weight_shares: {chain.weight_shares}\n"
+    (tmp_path / "new.yaml").write_text("name_mot: [turn, push]\n" + shares)
+    again = read(tmp_path / "new.urdf")
+    state = np.random.default_rng(0).normal(size=(3, 2))
+    expected = chain.generalized_forces(*state)
+    assert_allclose(again.generalized_forces(*state), expected, rtol=1e-9)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What acts in the file of another tool is read, or named by a warning and by `validate`."""
 
-import ast
-import re
 import warnings
 
 import numpy as np
@@ -123,38 +121,43 @@ def test_gravity_that_is_off_for_each_link_is_off(tmp_path, words):
     "words",
     ["<drake:disable_gravity/>", '</link><gazebo reference="tip"><gravity>0</gravity></gazebo>'],
 )
-def test_gravity_that_is_off_for_one_link_is_named(tmp_path, words):
+@pytest.mark.parametrize("kind", ["continuous", "fixed"])
+def test_gravity_that_is_off_for_one_link_leaves_the_weight_of_the_other(tmp_path, kind, words):
+    """1 kg at 0.1 m from the hinge about y, by hand; also if both links are one body."""
     link = f'<link name="tip">{BODY}{words}</link>'.replace("</gazebo></link>", "</gazebo>")
-    joint = """<joint name="wrist" type="continuous"><parent link="arm"/><child link="tip"/>
-    <axis xyz="0 0 1"/></joint>"""
-    records, chain = read(tmp_path, link, joint, cuts="name_mot: [hinge, wrist]\n")
-    assert len(records) == 1
-    assert "link tip: gravity is off for some links only" in records[0]
-    assert chain.model.gravity.linear.any()
+    joint = f"""<joint name="wrist" type="{kind}"><parent link="arm"/><child link="tip"/>
+    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint>"""
+    upright = """<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>
+    <axis xyz="0 1 0"/></joint>"""
+    path = tmp_path / "r.urdf"
+    start, end = ARM.index("<joint"), ARM.index("</robot>")
+    path.write_text(ARM[:start] + link + joint + upright + ARM[end:])
+    path.with_suffix(".yaml").write_text("name_mot: [hinge]\n")
+    chain = sst_pin.ClosedChain.from_urdf(path)  # without a warning
+    q = chain.assemble({"hinge": 0.3})
+    zero = np.zeros(chain.degrees_of_freedom)
+    f = dict(zip(chain.coordinates, chain.generalized_forces(q, zero, zero), strict=True))
+    assert f["hinge"] == pytest.approx(-9.81 * 0.1 * np.cos(0.3), abs=1e-12)
+    assert f.get("wrist", 0.0) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_cure_of_gravity_that_is_off_for_one_link_carries_its_weight(tmp_path):
-    """As printed, it leaves the weight of the other link: 1 kg at 0.1 m from the hinge about y."""
+def test_shares_of_weights_in_the_yaml_replace_those_of_the_urdf(tmp_path):
+    """Also if a joint is locked, so that its body becomes a part of another one."""
     link = f'<link name="tip">{BODY}<drake:disable_gravity/></link>'
     joint = """<joint name="wrist" type="continuous"><parent link="arm"/><child link="tip"/>
-    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint><joint name="hinge" type="continuous">
-    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>"""
-    path = tmp_path / "r.urdf"
-    text = ARM.replace(ARM[ARM.index("<joint") : ARM.index("</robot>")], link + joint)
-    path.write_text(text)
-    path.with_suffix(".yaml").write_text("name_mot: [hinge, wrist]\n")
-    with pytest.warns(sst_pin.DescriptionWarning, match="gravity is off for some links") as caught:
-        sst_pin.ClosedChain.from_urdf(path)
-    told = str(caught[0].message)
-    frame = re.search("<frame name.*?/>", told).group()
-    path.write_text(text.replace("</robot>", f"{frame}</robot>"))
-    with pytest.warns(sst_pin.DescriptionWarning, match="gravity is off for some links"):
-        chain = sst_pin.ClosedChain.from_urdf(path)
-    wrenches = ast.literal_eval(re.search("external_wrenches=({.*?})", told).group(1))
-    q = chain.assemble({"hinge": 0.3, "wrist": 0.4})
-    f = chain.generalized_forces(q, np.zeros(2), np.zeros(2), external_wrenches=wrenches)
-    expected = {"hinge": -9.81 * 0.1 * np.cos(0.3), "wrist": 0.0}
-    assert f == pytest.approx([expected[name] for name in chain.coordinates], abs=1e-12)
+    <axis xyz="0 0 1"/></joint>"""
+    shares = "weight_shares: {wrist: 0.5, hinge: [0.7, 0, 0.1, 0]}\n"
+    records, chain = read(tmp_path, link, joint, cuts=f"name_mot: [hinge, wrist]\n{shares}")
+    assert records == []
+    assert chain.weight_shares == {"hinge": [0.7, 0.0, 0.1, 0.0], "wrist": 0.5}
+    _, locked = read(tmp_path, link, joint, cuts=f"name_mot: [hinge]\n{shares}locked: [wrist]\n")
+    # 2 kg: the mean of both shares, and half of the offset of 1 kg.
+    assert locked.weight_shares == {"hinge": pytest.approx([0.6, 0.0, 0.05, 0.0])}
+
+
+def test_a_wrong_share_in_the_yaml_is_named(tmp_path):
+    with pytest.raises(sst_pin.DescriptionError, match="is neither a number nor"):
+        read(tmp_path, cuts="name_mot: [hinge]\nweight_shares: {hinge: [1, 2]}\n")
 
 
 def test_a_spring_of_gazebo_acts(tmp_path):
