@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,22 @@ from ..summaries import listed
 
 #: Components of a wrench, in order.
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+class _Sample(NamedTuple):
+    """A sample of the motion.
+
+    Attributes:
+        t: Time, [s].
+        momentum: M va, shape (n,).
+        known_forces: Rate of the momentum due to all that the model knows but the motors, (n,).
+        J: Actuator Jacobian, shape (motors, n).
+    """
+
+    t: float
+    momentum: Array
+    known_forces: Array
+    J: Array
 
 
 class ForceObserver:
@@ -53,13 +70,8 @@ class ForceObserver:
 
     def reset(self) -> None:
         """Forget all samples; the estimate of the next one is zero."""
-        n = self.chain.degrees_of_freedom
-        self._estimate = np.zeros(n)
-        # The last sample; the first one has none before it, at t = -inf.
-        self._t = -np.inf
-        self._momentum = np.zeros(n)
-        self._known_forces = np.zeros(n)
-        self._J = np.zeros((len(self.chain.motor_names), n))
+        self._estimate = np.zeros(self.chain.degrees_of_freedom)
+        self._last: _Sample | None = None
 
     def update(self, t: float, q: ArrayLike, va: ArrayLike, tau: ArrayLike) -> Array:
         """The estimate r at a new sample, shape (n,), [N m] or [N].
@@ -80,29 +92,38 @@ class ForceObserver:
         time = float(single_array("t", t, ()))
         rates = single_array("va", va, (chain.degrees_of_freedom,))
         torques = single_array("tau", tau, (len(chain.motor_names),))
-        if not time > self._t:
-            raise InputError("t", f"{time:g} s is not later than the sample before, {self._t:g} s")
+        last = self._last
+        if last is not None and not time > last.t:
+            raise InputError("t", f"{time:g} s is not later than the sample before, {last.t:g} s")
         configuration = single_array("q", q, (chain.mechanism.model.nq,))
-        momentum, known_forces = self._state(configuration, rates)
-        J = chain.actuator_jacobian(configuration)
-        if np.isfinite(self._t):
-            # The mean force f in the period, and the solution of r' = gain (f - r) after it.
-            dt = time - self._t
-            mean = (self._known_forces + known_forces) / 2 + (self._J + J).T @ torques / 2
-            force = (momentum - self._momentum) / dt - mean
+        sample = self._sample(time, configuration, rates)
+        if last is not None:
+            # The mean of f in the period: the mean rate of the momentum less all that is known.
+            dt = time - last.t
+            known_forces = (last.known_forces + sample.known_forces) / 2
+            motor_forces = (last.J + sample.J).T @ torques / 2
+            f = (sample.momentum - last.momentum) / dt - (known_forces + motor_forces)
+            # The solution of r' = gain (f - r) at the end of the period.
             decay = np.exp(-self.gain * dt)
-            self._estimate = decay * self._estimate + (1 - decay) * force
-        self._t = time
-        self._momentum = momentum
-        self._known_forces = known_forces
-        self._J = J
+            self._estimate = decay * self._estimate + (1 - decay) * f
+        self._last = sample
         return self._estimate.copy()
 
-    def _state(self, q: Array, va: Array) -> tuple[Array, Array]:
-        """The momentum M va, and its rate by all known forces but the motors, shapes (n,)."""
+    def _sample(self, t: float, q: Array, va: Array) -> _Sample:
+        """The sample of a time and a state.
+
+        The equations of motion are M aa + C va = gravity + friction + J^T tau + f. With M_dot = C +
+        C^T, the momentum p = M va has the rate
+
+            p_dot = M aa + M_dot va = C^T va + gravity + friction + J^T tau + f.
+        """
         terms = self.chain.reduced_terms(q, va)
-        # M_dot = C + C^T, so p_dot = C^T va + gravity + friction + J^T tau + f.
-        return terms.inertia @ va, terms.coriolis.T @ va + terms.gravity + terms.friction
+        return _Sample(
+            t=t,
+            momentum=terms.inertia @ va,
+            known_forces=terms.coriolis.T @ va + terms.gravity + terms.friction,
+            J=self.chain.actuator_jacobian(q),
+        )
 
     def forces(self, t: ArrayLike, q: ArrayLike, va: ArrayLike, tau: ArrayLike) -> Array:
         """The estimates of a log, shape (N, n), from zero at its first sample; `reset`s first.
