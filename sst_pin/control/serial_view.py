@@ -247,9 +247,9 @@ def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
         for joint in carriers:
             rates_of_carriers.update(range(joint.idx_v, joint.idx_v + joint.nv))
         if rates_of_carriers <= coordinates:
-            own_joint = carriers[-1]
+            joint_of_body = carriers[-1]
             model.inertias[i] = pin.Inertia.Zero()
-            armature[own_joint.idx_v : own_joint.idx_v + own_joint.nv] = 0
+            armature[joint_of_body.idx_v : joint_of_body.idx_v + joint_of_body.nv] = 0
     model.armature = armature
     return model
 
