@@ -42,3 +42,8 @@ def listed(words: Sequence[str], most: int = 9) -> str:
     """Words with commas: the first `most` and the number of the rest; "none" without words."""
     shown = ", ".join(words[:most])
     return f"{shown} and {len(words) - most} more" if len(words) > most else shown or "none"
+
+
+def three_digits(value: float) -> str:
+    """A number to three digits, without a power of ten up to ten digits: 23900, not 2.39e+04."""
+    return f"{float(f'{value:.3g}'):.10g}"

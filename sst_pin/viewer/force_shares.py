@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, ClosureError, SingularConfigurationError
-from ..summaries import listed
+from ..summaries import listed, three_digits
 from .curve_sets import contacts_of, forces_of
 
 #: The longest arrow of a contact, in weights of the robot, if a force is larger.
@@ -54,8 +54,8 @@ def contact_forces(robot: ClosedChain, forces: Array) -> ShownForces:
         longest = 1.0
     more = " or more" if sizes.max() > longest else ""
     note = (
-        f"Green arrows: forces on what touches a ground; the longest is {longest:.3g}\xa0N"
-        f"{more}. Lengths grow with the square root."
+        f"Green arrows: forces on what touches a ground; the longest is "
+        f"{three_digits(longest)}\xa0N{more}. Lengths grow with the square root."
     )
     shares = forces / np.maximum(sizes, longest)
     return ShownForces(shares, [contacts_of(robot, forces)], note)
@@ -97,7 +97,7 @@ def reaction_forces(
         curves.append(forces_of(w.names, forces, is_drawn))
         notes.append(
             f"Dark arrows: forces of joints on what they carry; the largest is "
-            f"{largest:.3g}\xa0N. Lengths grow with the square root."
+            f"{three_digits(largest)}\xa0N. Lengths grow with the square root."
         )
     not_unique = []
     for k, name in enumerate(w.names):
