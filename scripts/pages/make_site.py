@@ -147,7 +147,8 @@ def _write_markdown(folder: Path) -> None:
         (folder / "site" / page).write_text(_OBJECT.sub(_described, text), encoding="utf-8")
         lead = _LEAD.search(text)
         sentence = " ".join(lead["sentence"].split())
-        lines.append(f"- [{lead['title']}]({page}){': ' * bool(sentence)}{sentence}")
+        line = f"- [{lead['title']}]({page})"
+        lines.append(f"{line}: {sentence}" if sentence else line)
     (folder / "site" / "llms.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -88,10 +88,8 @@ def _closure(closure: Closure | Distance | Coupling) -> str:
         return f"{closure}: one equation"
     kind = _KINDS.get(closure.kind, f"a {closure.kind} joint")
     count = len(closure.rows)
-    return (
-        f"{kind} between `{closure.frame_a}` and `{closure.frame_b}`: "
-        f"{count} equation{'s' * (count > 1)}"
-    )
+    equations = "1 equation" if count == 1 else f"{count} equations"
+    return f"{kind} between `{closure.frame_a}` and `{closure.frame_b}`: {equations}"
 
 
 def _torques(chain: GalleryRobot, states: list[dict[str, list[str]]]) -> list[str]:

@@ -107,8 +107,12 @@ def files(folder):
 
 def require_told(folder, capsys, command, word):
     """One line, and every file as it was; exit code 2, or 1 where `validate` lists errors."""
-    before, (words, bar, last) = files(folder), command.partition("|")
-    code, out, err = run(capsys, *words.split(" "), *[last] * bool(bar))
+    before = files(folder)
+    words, bar, last = command.partition("|")
+    arguments = words.split(" ")
+    if bar:
+        arguments.append(last)
+    code, out, err = run(capsys, *arguments)
     said = err.rpartition("\r")[2]  # after a bar of progress
     if code == 1 and command.startswith("validate"):
         assert (said, "error(s)" in out) == ("", True)

@@ -75,7 +75,7 @@ def relative(a, b):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in CHAINS]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CHAINS]
 )
 def test_every_joint_and_closure_gives_what_the_reference_path_gives(name):
     """To rounding times the condition numbers, which are below 100."""

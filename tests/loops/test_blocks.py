@@ -26,7 +26,8 @@ def four_bars():
     bars, closures = [], []
     for k, (base, kind, ground) in enumerate(LOOPS):
         crank = f"crank_{base}"
-        bars += [(crank, "universe", 0.0, CRANK)] * (k == base)
+        if k == base:
+            bars.append((crank, "universe", 0.0, CRANK))
         bars.append((f"coupler_{k}", crank, CRANK, COUPLER))
         bars.append((f"rocker_{k}", "universe", ground, ROCKER))
         closures.append(Closure(f"coupler_{k}_end", f"rocker_{k}_end", kind))

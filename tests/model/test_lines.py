@@ -27,7 +27,7 @@ STRUTS = [
         damping=3 + k,
         preload=7 - 9 * k,
         mass=2 * (k - 1) ** 2,
-        coulomb_friction=3 * (k == 2),
+        coulomb_friction=3 if k == 2 else 0,
     )
     for k, ends in enumerate(ENDS)
 ]

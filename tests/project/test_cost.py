@@ -43,7 +43,10 @@ def test_the_page_has_the_papers_times():
 @pytest.mark.parametrize(("problem", "method"), METHODS)
 @pytest.mark.parametrize(
     "robot",
-    [pytest.param(x, marks=[pytest.mark.slow] * (x in ("delta", "stewart"))) for x in ODD_ROBOTS],
+    [
+        pytest.param(x, marks=pytest.mark.slow if x in ("delta", "stewart") else ())
+        for x in ODD_ROBOTS
+    ],
 )
 def test_counted_expressions_compute_the_right_numbers(robot, problem, method):
     """Robots that the page does not have, all samples, 1e-9 of the largest torque."""

@@ -77,7 +77,7 @@ def test_tables_are_whole(name):
 @pytest.mark.filterwarnings("default:.*largest velocities.*:sst_pin.errors.DescriptionWarning")
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in RUN_HERE],
+    [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in RUN_HERE],
 )
 def test_code_of_the_page_runs_and_prints_what_it_shows(name, tmp_path, monkeypatch):
     """A page runs as one session in an empty folder; the last digit shown may differ."""

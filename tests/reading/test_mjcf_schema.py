@@ -128,7 +128,7 @@ ELEMENTS = sorted(elements(ET.fromstring(BASE)))
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in ACTING)) for n in ELEMENTS]
+    "name", [pytest.param(n, marks=() if n in ACTING else pytest.mark.slow) for n in ELEMENTS]
 )
 def test_every_attribute_is_read_as_mujoco_reads_it_or_refused(tmp_path, name):
     """Forces of a tree at random states, against `mj_inverse`, for each value that it takes."""

@@ -52,8 +52,9 @@ def telescope(light: float, heavy: float, loop: bool) -> ClosedChain:
     lower = add(model, 0, pin.JointModelPZ(), "lower", pin.SE3.Identity(), light)
     upper = add(model, lower, pin.JointModelPZ(), "upper", at(0, 0, 0.7), heavy)
     ropes = [{"lower": k, "upper": k} for k in (1.0, 2.0)]
-    closures = [four_bar(model, upper, 1.0)] if loop else []
-    return ClosedChain(model, closures, [*ropes, *["crank", "rocker"] * loop])
+    if not loop:
+        return ClosedChain(model, [], ropes)
+    return ClosedChain(model, [four_bar(model, upper, 1.0)], [*ropes, "crank", "rocker"])
 
 
 def five_bar(motors: Sequence, **options) -> ClosedChain:

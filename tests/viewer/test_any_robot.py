@@ -92,7 +92,7 @@ def robot_of(name):
 #: Every kind of joint and closure; a few of them in the quick run.
 QUICK = ("four_bar", "delta.urdf", "rods")
 ALL = {*QUICK, *(name for name in sst_pin.robots.__all__ if name.islower())}
-ALL = [pytest.param(x, marks=[pytest.mark.slow] * (x not in QUICK)) for x in sorted(ALL)]
+ALL = [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in sorted(ALL)]
 
 
 def placed(scene, q, shape):
