@@ -621,6 +621,13 @@ class Engine:
             answer: D | None = kernel.derivatives(kind, q, second, third, 1)
             if answer is not None:
                 return answer
+        slope = inertia = None
+        if isinstance(external_wrenches, Mapping):
+            # These come first: `out` may share memory with the arguments.
+            policy = options.get("on_error", "raise")
+            slope = self._slope_of_arms(external_wrenches, q, policy)
+            if kind is AccelerationDerivatives:
+                inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
         matrices = self._under_loads(
             key,
             partial(of_sample, sign_width=key.sign_width),
@@ -637,16 +644,10 @@ class Engine:
         by_q = matrices[..., :n]
         by_v = matrices[..., n : 2 * n]
         by_input = matrices[..., 2 * n :]  # by aa, or by tau
-        if isinstance(external_wrenches, Mapping):
-            policy = options.get("on_error", "raise")
-            slope = self._slope_of_arms(external_wrenches, q, policy)
+        if slope is not None:
             # The wrenches supply a part of the forces f that the motion needs: f falls by their
             # slope, and the accelerations M^-1 (...) grow by M^-1 times it. `out` changes in place.
-            if kind is TorqueDerivatives:
-                by_q -= slope
-            else:
-                inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
-                by_q += np.linalg.solve(inertia, slope)
+            by_q += -slope if inertia is None else np.linalg.solve(inertia, slope)
         return kind(by_q, by_v, by_input)
 
     def _slope_of_arms(

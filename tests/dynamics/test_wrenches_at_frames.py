@@ -122,3 +122,15 @@ def test_what_no_frame_can_carry_is_refused(chain, states):
         chain.compute_torques(q, va, aa, external_wrenches={"universe": np.zeros(6)})
     with pytest.raises(InputError, match="does not fit q"):
         chain.compute_torques(states[0], va, aa, external_wrenches={"edge": np.zeros((2, 6))})
+
+
+@pytest.mark.parametrize("method", ["torque_derivatives", "acceleration_derivatives"])
+def test_out_may_be_the_memory_of_the_configurations(chain, states, load, method):
+    q, va, last = states
+    compute = getattr(chain, method)
+    expected = np.concatenate(compute(q, va, last, external_wrenches=load), axis=-1)
+    out = np.zeros(expected.shape)
+    same = out.reshape(-1)[: q.size].reshape(q.shape)
+    same[:] = q
+    compute(same, va, last, external_wrenches=load, out=out)
+    close(out, expected)
