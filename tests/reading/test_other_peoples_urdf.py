@@ -61,9 +61,12 @@ def read(folder, *parts: str) -> tuple[sst_pin.ClosedChain, list[str]]:
         TRANSMISSION.format("a"),
         '<ros2_control name="c" type="system"><joint name="a"><command_interface name="effort"/>'
         '</joint><joint name="b"><state_interface name="position"/></joint></ros2_control>',
+        '<gazebo><plugin name="gz::sim::systems::JointPositionController"><joint_name> a '
+        '</joint_name></plugin><plugin name="gz::sim::systems::JointStatePublisher"><joint_name>b'
+        "</joint_name></plugin></gazebo>",
     ],
 )
-def test_transmissions_and_command_interfaces_name_the_motors(tmp_path, driver):
+def test_transmissions_command_interfaces_and_controllers_name_the_motors(tmp_path, driver):
     chain, texts = read(tmp_path, *FOUR_BAR, CUT.format("spherical"), driver)
     assert chain.motor_names == ("a",)
     assert texts == []
@@ -84,6 +87,18 @@ def test_a_floating_base_has_no_motors_by_default(tmp_path):
     chain, _ = read(tmp_path, *floats)
     assert chain.motor_names == ("j",)
     assert not chain.mobility().sufficient
+
+
+def test_links_without_a_joint_float_beside_the_world(tmp_path):
+    """Beside a `world` of the file, and beside one that a joint names only."""
+    floor = link("floor", "") + joint("weld", "world", "floor").replace("revolute", "fixed")
+    for world in (link("world", ""), ""):
+        chain, texts = read(
+            tmp_path, world, floor, link("arm"), link("hand"), joint("j", "arm", "hand")
+        )
+        assert chain.joint_names == ("arm_floats", "j")
+        assert (chain.degrees_of_freedom, chain.motor_names) == (7, ("j",))
+        assert any("link arm: no joint holds it" in text for text in texts)
 
 
 @pytest.mark.parametrize("word", ["spherical", "spherical_joint", "ball"])
