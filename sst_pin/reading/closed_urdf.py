@@ -61,7 +61,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
 
     The YAML beside a URDF has the name of the URDF, or is a `loop_closures.yaml` of its package.
     Without a YAML, the cuts have only the motors that the URDF marks: the independent joints of a
-    URDF+, or the joints of transmissions.
+    URDF+, or the joints of transmissions and controllers.
     """
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
@@ -264,7 +264,7 @@ def _open_tree_warning(name: str, has_motors: bool, has_followers: bool) -> str:
     """
     text = f"no {name}.yaml with closures and motors is beside it; "
     if has_motors:
-        return text + "its transmissions name the motors"
+        return text + "its transmissions or controllers name the motors"
     text += "each joint of one axis"
     if has_followers:
         text += " that mimics none"

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Elements that other tools add to a URDF and that are read here.
 
-These are springs and gravity of Gazebo, rotors and gravity of Drake, motors of `<transmission>` and
-`<ros2_control>`, and joints that follow others.
+These are springs and gravity of Gazebo, rotors and gravity of Drake, motors of `<transmission>`,
+`<ros2_control>` and controllers of Gazebo, and joints that follow others.
 """
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from typing import NamedTuple
@@ -17,6 +18,8 @@ SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
 #: Elements of Drake for the inertia of a rotor and its gear ratio.
 ROTOR_INERTIA = "drake:rotor_inertia"
 GEAR_RATIO = "drake:gear_ratio"
+#: Plugins of Gazebo whose `<joint_name>` are driven. A `JointStatePublisher` only reports joints.
+_DRIVING_PLUGIN = re.compile("joint(position|trajectory)?controller|applyjointforce")
 
 
 def joint_numbers(root: ET.Element) -> JointNumbers:
@@ -115,11 +118,15 @@ def ros2_control_parameters(joint: ET.Element) -> dict[str, str]:
 
 
 def motors_of(root: ET.Element) -> tuple[str, ...]:
-    """Joints of `<transmission>`, and those of `<ros2_control>` with a command interface."""
+    """Joints of transmissions, of command interfaces of ros2_control, of controllers of Gazebo."""
     driven = [joint.get("name", "") for joint in root.findall("transmission/joint")]
     for joint in root.findall("ros2_control/joint"):
         if joint.find("command_interface") is not None:
             driven.append(joint.get("name", ""))
+    for plugin in root.findall("gazebo/plugin"):
+        name = f"{plugin.get('name')} {plugin.get('filename')}".lower()
+        if _DRIVING_PLUGIN.search(re.sub("[-_]", "", name)):
+            driven += [(joint.text or "").strip() for joint in plugin.findall("joint_name")]
     followers = {mimic.follower for mimic in mimics_of(root)}
     can_have_motor = one_axis_joints(root) - followers
     return tuple(name for name in dict.fromkeys(driven) if name in can_have_motor)
