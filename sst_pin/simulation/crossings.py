@@ -106,8 +106,8 @@ class Branch:
 class _ConstraintJacobian:
     """Phi along a branch, and its singular values that are not zero everywhere.
 
-    Phi has nv columns and n degrees of freedom are left, so that r = nv - n of its singular values
-    are positive where the mechanism is regular. If rows are redundant, all others are zero.
+    Phi has nv columns, and the mechanism has n degrees of freedom. So r = nv - n singular values of
+    Phi are positive where the mechanism is regular. The others, of redundant rows, are zero.
 
     Attributes:
         rank: r, the rank of Phi at the start.
@@ -132,14 +132,15 @@ class _ConstraintJacobian:
         return np.asarray(np.linalg.svd(self.at(t), compute_uv=False)[: self.rank])
 
     def _reduced(self, t: float) -> Array:
-        """U^T Phi V with the singular vectors U and V at the start, shape (r, r).
+        """U^T Phi V with the r singular vectors U and V at the start, shape (r, r).
 
-        It is diagonal at the start. Along the branch it is singular where Phi loses rank.
+        It has no singular value that is zero everywhere: it is diagonal at the start, and along the
+        branch it is singular where Phi loses rank. So it has a determinant and a smallest value.
         """
         return self._U.T @ self.at(t) @ self._V
 
     def least_vectors(self, t: float) -> tuple[Array, Array]:
-        """The singular vectors u and w of the smallest one of these values at a time."""
+        """The left and the right singular vector of the smallest of the r values at a time."""
         left_vectors, _, right_vectors = np.linalg.svd(self._reduced(t))
         return left_vectors[:, -1] @ self._U.T, self._V @ right_vectors[-1]
 
@@ -165,12 +166,12 @@ def crossing_of(space: StateSpace, branch: Branch, start: float, remaining: floa
 
 
 def _singular_time(jacobian: _ConstraintJacobian, start: float, until: float) -> float:
-    """The time of the first configuration after `start` where Phi loses rank, [s].
+    """The time from `start` to `until` where Phi loses rank, [s].
 
-    Its smallest singular value vanishes there. A singular value has no sign, but with its singular
-    vectors u and w the function u^T Phi w has: it is linear near its root, which is found by
-    Brent's method. The vectors are first those at the start, then those at the root found with
-    them, because they vary a little along the branch.
+    Its smallest singular value vanishes there. A singular value has no sign, so its root cannot be
+    bracketed. With its singular vectors u and w, the function u^T Phi w is about this value with a
+    sign: Brent's method finds its root. The vectors are first those at the start, then those at
+    this root, because they vary a little along the branch.
     """
     from scipy.optimize import brentq
 
