@@ -256,9 +256,9 @@ class _IntervalLimits(NamedTuple):
 
 
 def _interval_limits(s: Array, unit: float, parts: Parts) -> _IntervalLimits:
-    """The limits that hold at both ends of each interval, for parts without viscous friction.
+    """The limits at both ends of each interval, for parts without viscous friction.
 
-    Between the points u is constant, so w^2 grows by 2 u ds in an interval. The parts at its end
+    u is constant in an interval of the length ds, so that w^2 grows by 2 u ds. The parts at its end
     are, by u and by w at its start,
 
         a u + b (w^2 + 2 u ds) + c = (a + 2 ds b) u + b w^2 + c.
