@@ -14,6 +14,7 @@ from ..closed_chain import ClosedChain
 from ..errors import FileFormatError, InputError, OutputError
 from ..files import write_files
 from ..loops.start import start_of
+from ..simulation.motion_columns import printed_units
 from ..simulation.motion_files import motion_table, read_motion, read_start, read_torques
 from ..simulation.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
@@ -34,7 +35,7 @@ def torques(arguments: argparse.Namespace) -> int:
         return 1
     common.save(motion, arguments)
     peaks = np.abs(motion.tau).max(axis=0)
-    units = [unit.replace("Nm", "N m") for unit in motion.torque_units]
+    units = printed_units(motion.torque_units)
     if len(set(units)) == 1 and len(peaks) <= 3:
         shown = f"{', '.join(f'{peak:.4g}' for peak in peaks)} {units[0]}"
     else:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
+from ..simulation.motion_columns import printed_units
 from ..simulation.trajectories import Trajectory, require_motion
 from .estimation import INTERVAL, Estimate, require_estimate
 from .filters import decimated
@@ -73,8 +74,9 @@ def _motor_table(chain: ClosedChain, found: Estimate, predicted: Array, tau: Arr
         "| motor | noise of the estimate | error in the unseen motion | relative |",
         "|---|---|---|---|",
     ]
+    units = printed_units(chain.motor_units)
     for k, motor in enumerate(chain.motor_names):
-        unit = chain.motor_units[k]
+        unit = units[k]
         noise = f"{found.noise[k]:.3g} {unit}"
         lines.append(f"| {motor} | {noise} | {error[k]:.3g} {unit} | {error[k] / size[k]:.3f} |")
     return lines

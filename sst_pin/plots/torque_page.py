@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..description.colours import HUES
 from ..errors import InputError
+from ..simulation.motion_columns import printed_units
 from ..simulation.samples import rows_of_samples
 from ..simulation.trajectories import Trajectory
 from .curves import label, legend_above, zero_line
@@ -31,15 +32,15 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
     with style():
         rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        units = printed_units(motion.torque_units)
         for k, ax in enumerate(rows):
             measured = motion.tau[:, k]
             computed = tau[:, k]
-            unit = motion.torque_units[k].replace("Nm", "N m")
             zero_line(ax)
             ax.plot(motion.t, measured, color=HUES[0], label="measured")
             ax.plot(motion.t, computed, color=HUES[1], linestyle="--", label="predicted")
             ax.plot(motion.t, measured - computed, color="black", linewidth=0.6, label="difference")
-            ax.set_ylabel(f"{label(motion.motor_names[k])} ({unit})")
+            ax.set_ylabel(f"{label(motion.motor_names[k])} ({units[k]})")
         rows[-1].set_xlabel("time (s)")
         legend_above(rows[0], columns=3)
     return figure

@@ -17,6 +17,11 @@ _ENDINGS = {
 }
 
 
+def printed_units(units: Sequence[str]) -> list[str]:
+    """Units of torques and forces as texts have them: "N m" for the "Nm" of columns."""
+    return [unit.replace("Nm", "N m") for unit in units]
+
+
 class Column(NamedTuple):
     """A column, with the name and the unit of its values."""
 

@@ -19,7 +19,7 @@ from ..former_names import FormerName, former_arguments
 from ..model.mechanism import Mechanism
 from ..summaries import Summary, listed
 from .crossings import Crossing
-from .motion_columns import columns_of, parts_of
+from .motion_columns import columns_of, parts_of, printed_units
 from .samples import rows_of_samples, sample_times, spline, times_within
 
 if TYPE_CHECKING:
@@ -239,8 +239,7 @@ class Trajectory(Summary):
         """Title and rows of the printed motion."""
         count = len(self)
         peaks = np.abs(self.tau).max(axis=0)
-        units = (unit.replace("Nm", "N m") for unit in self.torque_units)
-        largest = zip(self.motor_names, peaks, units, strict=True)
+        largest = zip(self.motor_names, peaks, printed_units(self.torque_units), strict=True)
         forces = [f"{name} {peak:.4g} {unit}" for name, peak, unit in largest]
         rows = [
             ("t", f"{self.t[0]:g} to {self.t[-1]:g} s"),

@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Array, Flags
 from ..closed_chain import ClosedChain
 from ..simulation.energy import motor_powers
+from ..simulation.motion_columns import printed_units
 from ..simulation.trajectories import Trajectory
 
 #: Words for the units of curves.
@@ -68,7 +69,7 @@ def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
 def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
     """The set of the torques, shape (n, motors)."""
     symbols = [f"tau_{k + 1}" for k in range(len(robot.motor_names))]
-    units = [unit.replace("Nm", "N m") for unit in robot.motor_units]
+    units = printed_units(robot.motor_units)
     return _curve_set("torques", "motor ", symbols, robot.motor_names, units, tau)
 
 
