@@ -62,12 +62,14 @@ class Compiled:
     def body_gravcomp(self) -> Array:
         """The share of its weight that is compensated for each body, shape (bodies,).
 
-        It is zero if MuJoCo computes no passive forces: if neither springs nor dampers act.
+        MuJoCo computes no passive forces if neither springs nor dampers act. It ignores negative
+        numbers unless another body has a positive one.
         """
+        gravcomp = np.array(self.mj.body_gravcomp)
         without_passive = self.disabled("spring") and self.disabled("damper")
-        if without_passive or self.disabled("passive"):
+        if without_passive or self.disabled("passive") or not (gravcomp > 0).any():
             return np.zeros(self.mj.nbody)
-        return np.array(self.mj.body_gravcomp)
+        return gravcomp
 
     @cached_property
     def gravcomp(self) -> float | None:

@@ -88,17 +88,25 @@ def test_weights_that_are_compensated_alike_are_those_of_mujoco(share, tmp_path)
     np.testing.assert_allclose(chain.compute_torques(*STATE), expected, rtol=1e-10)
 
 
-@pytest.mark.parametrize("flags", ["", '<flag spring="disable" damper="disable"/>'])
-def test_weights_that_are_compensated_in_part_are_those_of_mujoco(flags, tmp_path):
-    """Also of a tool that is fixed to the hand; without passive forces nothing is compensated."""
+@pytest.mark.parametrize(
+    ("shares", "flags", "joints"),
+    [
+        ((0.3, 0.8, -0.5), "", ["j", "k"]),
+        ((0.3, 0.8, -0.5), '<flag spring="disable" damper="disable"/>', []),
+        ((0, 0, -0.5), "", []),
+    ],
+    ids=["some", "without passive forces", "negative ones alone"],
+)
+def test_weights_that_are_compensated_in_part_are_those_of_mujoco(shares, flags, joints, tmp_path):
+    """Also of a tool that is fixed to the hand. In two cases MuJoCo compensates nothing."""
+    of_arm, of_hand, of_tool = (f' gravcomp="{share}"' for share in shares)
     gravity = f'<option gravity="1 2 -9">{flags}</option>'
-    of_hand = ' gravcomp="0.8"'
-    text = mjcf(inertial=INERTIAL, of_arm=' gravcomp="0.3"', of_hand=of_hand, assets=gravity)
-    tool = f'<body pos=".1 .2 .3" euler="10 20 30" gravcomp="-.5">{INERTIAL}</body>'
+    text = mjcf(inertial=INERTIAL, of_arm=of_arm, of_hand=of_hand, assets=gravity)
+    tool = f'<body pos=".1 .2 .3" euler="10 20 30"{of_tool}>{INERTIAL}</body>'
     text = text.replace("</body></body>", f"{tool}</body></body>")
     chain, texts = read(text, tmp_path, actuated=["j", "k"])
     assert texts == []
-    assert list(chain.weight_shares) == ([] if flags else ["j", "k"])
+    assert list(chain.weight_shares) == joints
     tau = chain.compute_torques(*STATE)
     np.testing.assert_allclose(tau, forces_of_mujoco(text, *STATE), rtol=1e-10)
 
