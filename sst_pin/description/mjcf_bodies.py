@@ -193,21 +193,26 @@ class MjcfBodies:
     def _put_weight_share(self, body: Element, index: int) -> None:
         """Write the share of the weight that does not act on a body, as `gravcomp`.
 
-        MuJoCo compensates weight at the mass centre c. Weight with an offset d is written so: twice
-        the mass less the weight is compensated at c, and a body of almost no mass has the weight of
-        the mass m at c + d. Together these are the weight and m d.
+        MuJoCo compensates weight at the mass centre c, and ignores negative numbers unless another
+        body has a positive one. So a share s above 1, or with an offset d, is written thus: with
+        x = max(1, s), a body of almost no mass has the weight x m g at c + d / x, and the share
+        x + 1 - s of m g is compensated. Together these are the weight s m g and the moment m d.
         """
         weight_shares = self._mechanism.weight_shares
         if weight_shares is None or index not in self._tree.bodies:
             return
         number = self._tree.bodies.index(index) - 1
         inertia = self._model.inertias[index]
-        compensated = 1 - weight_shares.shares[number]
+        share = float(weight_shares.shares[number])
         offset = weight_shares.offsets[number]
-        if offset.any() and inertia.mass:
-            compensated += 1
-            added = SubElement(body, "body", gravcomp=numbers([-inertia.mass / _LEAST_MASS]))
-            attributes = {"pos": numbers(inertia.lever + offset), "mass": numbers([_LEAST_MASS])}
+        compensated = 1 - share
+        if inertia.mass and (share > 1 or offset.any()):
+            added_share = max(1.0, share)
+            compensated += added_share
+            at = inertia.lever + offset / added_share
+            gravcomp = -added_share * inertia.mass / _LEAST_MASS
+            added = SubElement(body, "body", gravcomp=numbers([gravcomp]))
+            attributes = {"pos": numbers(at), "mass": numbers([_LEAST_MASS])}
             SubElement(added, "inertial", attributes, diaginertia=numbers([_LEAST_INERTIA] * 3))
         if compensated:
             body.set("gravcomp", numbers([compensated]))

@@ -89,6 +89,15 @@ def test_referees_agree(hexapod, state, referee):
     assert_allclose(f, hexapod.generalized_forces(q, va, aa), rtol=1e-9)
 
 
+@pytest.mark.parametrize("share", [1.5, 2.5])
+def test_mujoco_agrees_where_no_weight_is_compensated(share):
+    """MuJoCo ignores a negative `gravcomp` without a positive one beside it."""
+    chain = with_shares(four_bar(), {"coupler": share})
+    q, va, aa = chain.home, np.array([0.7]), np.array([0.2])
+    f = MujocoInverse(chain).generalized_forces(q, va, aa)
+    assert_allclose(f, chain.generalized_forces(q, va, aa), rtol=1e-9)
+
+
 def test_the_long_form_is_the_short_form(hexapod, state):
     q, va, aa = state
     terms = hexapod.noc(q, va)
