@@ -38,8 +38,6 @@ from .vectors import (
     inner,
     inverse,
     skew,
-    translation,
-    translation_rate,
     unit,
     unit_rate,
 )
@@ -105,8 +103,10 @@ class SamePlacement:
         f = [p_B - p_A; log(R_B R_A^T)],
 
     in the axes of the world. Its rate is the twist of B at p_B minus the twist of A at p_A. The
-    matrix [I, -[p x]; 0, I] takes twists from the world's origin to p, so that W_B is this matrix
-    for p_B, and W_A for p_A.
+    matrix [I, -[p x]; 0, I] takes twists from the world's origin to p, so that
+
+        W = [I, -[p_B x], -I, [p_A x];
+             0,  I,        0, -I     ].
 
     The first three rows are exact. The other three are exact where the orientations are equal.
     Elsewhere the rate of the logarithm differs from the angular velocity, and W gives a good
@@ -120,12 +120,23 @@ class SamePlacement:
         self._origin = origin
         self._orientation = orientation
         if origin and orientation:
-            self._held = slice(0, 6)
+            held = slice(0, 6)
         elif origin:
-            self._held = slice(0, 3)
+            held = slice(0, 3)
         else:
-            self._held = slice(3, 6)
-        self.rows = self._held.stop - self._held.start
+            held = slice(3, 6)
+        self.rows = held.stop - held.start
+
+        # W is a constant plus a part that is linear in p = [p_B; p_A].
+        identity = np.eye(6)
+        #: W for p = 0, shape (rows, 12).
+        self._W_0 = np.hstack([identity, -identity])[held]
+        cross_products = skew(np.eye(3)).swapaxes(0, 1)  # [e_k x] is in [:, k]
+        W_of_p = np.zeros((6, 6, 12))
+        W_of_p[:3, :3, 3:6] = -cross_products
+        W_of_p[:3, 3:, 9:] = cross_products
+        #: The derivative of W by entry k of p is in [:, k], shape (rows, 6, 12).
+        self._W_of_p = W_of_p[held]
 
     def error(self, pair: FramePair) -> Array:
         offset = pair.B[:3, 3] - pair.A[:3, 3]
@@ -137,21 +148,16 @@ class SamePlacement:
         return np.concatenate([offset, turn])
 
     def W(self, pair: FramePair) -> Array:
-        W_B = translation(pair.B[..., :3, 3])
-        W_A = translation(pair.A[..., :3, 3])
-        return np.concatenate([W_B[..., self._held, :], -W_A[..., self._held, :]], axis=-1)
+        p = np.concatenate([pair.B[..., :3, 3], pair.A[..., :3, 3]], axis=-1)
+        return self._W_0 + p.dot(self._W_of_p)
 
     def W_dot(self, pair: FramePair, W: Array, t_B: Array, t_A: Array) -> Array:
         if not self._origin:
             return np.zeros_like(W)  # moments about the axes of the world
         # The first three rows of W_B t_B are the velocity of p_B, those of -W_A t_A that of -p_A.
         p_B_dot = (W[..., :3, :6] @ t_B[..., None])[..., 0]
-        minus_p_A_dot = (W[..., :3, 6:] @ t_A[..., None])[..., 0]
-        W_B_dot = translation_rate(p_B_dot)
-        minus_W_A_dot = translation_rate(minus_p_A_dot)
-        return np.concatenate(
-            [W_B_dot[..., self._held, :], minus_W_A_dot[..., self._held, :]], axis=-1
-        )
+        p_A_dot = -(W[..., :3, 6:] @ t_A[..., None])[..., 0]
+        return np.concatenate([p_B_dot, p_A_dot], axis=-1).dot(self._W_of_p)
 
 
 # --- in the axes of frame A ---------------------------------------------------------------------

@@ -11,16 +11,11 @@ import pinocchio as pin
 
 from ..arrays import Array
 
-_IDENTITY = np.eye(6)
-
 # Matrices that are linear in a vector or twist a: the sum of a_k times the matrices of unit vectors
 # or unit twists e_k, which stand in [:, k].
 _SKEW = np.stack([pin.skew(e) for e in np.eye(3)], axis=1)
 _HAT = np.stack([pin.Motion(e).homogeneous for e in np.eye(6)], axis=1)
 _BRACKET = np.stack([pin.Motion(e).action for e in np.eye(6)], axis=1)
-# The parts -[p x] of `translation(p)`.
-_ARMS = np.zeros((6, 3, 6))
-_ARMS[:3, :, 3:] = -_SKEW
 
 
 def skew(a: Array) -> Array:
@@ -65,19 +60,6 @@ def hat(t: Array) -> Array:
     A placement M of a body with the twist t, both in the same frame, has the rate hat(t) M.
     """
     return t.dot(_HAT)
-
-
-def translation(p: Array) -> Array:
-    """Matrices [I, -[p x]; 0, I], shape (..., 6, 6): they take twists from the origin to p.
-
-    A body with the twist [v; omega] has the velocity v - p x omega at the point p.
-    """
-    return _IDENTITY + p.dot(_ARMS)
-
-
-def translation_rate(p_dot: Array) -> Array:
-    """The rate of `translation(p)` where p has the rate p_dot, shape (..., 6, 6)."""
-    return p_dot.dot(_ARMS)
 
 
 def bracket_matrix(t: Array) -> Array:

@@ -48,12 +48,6 @@ def test_brackets_are_those_of_pinocchio(random):
     np.testing.assert_allclose(by_matrices.T, expected, atol=1e-14)
 
 
-def test_a_translation_takes_a_twist_to_the_velocity_at_a_point(random):
-    p, v, omega = random.normal(size=(3, 3))
-    at_p = vectors.translation(p) @ [*v, *omega]
-    np.testing.assert_allclose(at_p, [*(v + np.cross(omega, p)), *omega], atol=1e-14)
-
-
 def test_the_rate_of_a_unit_vector_is_that_of_differences(random):
     d, d_dot = random.normal(size=(2, 3))
     after, before = vectors.unit(d + STEP * d_dot), vectors.unit(d - STEP * d_dot)
