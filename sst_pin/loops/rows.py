@@ -54,9 +54,10 @@ class FrameRows:
         # The path between the frames: rates of the normal tree that move only one of them. Others
         # move both as one body, and do not change f.
         self._path = np.flatnonzero(moves_b != moves_a)
-        self._carries_on_path = self._carries[:, None, self._path]
-        self._S_of_path = tree.S[self._path]
-        self.touched: Flags = self._S_of_path.any(axis=0)
+        S_of_path = tree.S[self._path]
+        #: S for the rates of the path that move B, or A; other rows are 0, shape (2, path, nv).
+        self._S_of_frames = self._carries[:, self._path, None] * S_of_path
+        self.touched: Flags = S_of_path.any(axis=0)
         self.curved = self.touched
 
     def error(self, pair: FramePair, q: Array) -> Array:
@@ -74,8 +75,7 @@ class FrameRows:
     def jacobians(self, J: Array) -> Array:
         """[J_B; J_A], shape (12, nv): twists of B and A for rates of the model on the path."""
         J_of_path = J.take(self._path, axis=1)
-        both = (self._carries_on_path * J_of_path).reshape(12, -1)
-        return both.dot(self._S_of_path)
+        return (J_of_path @ self._S_of_frames).reshape(12, -1)
 
 
 class ExtendedRodRow(FrameRows):
