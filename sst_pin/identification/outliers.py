@@ -18,7 +18,8 @@ from ..errors import InputError
 from .filters import lowpass
 
 #: Deviations from the smooth curve are compared with their median in parts of the log. A part has
-#: at least this number of periods of the cut-off, and of samples.
+#: at least this number of periods of the cut-off, and of samples: of 141 samples, the median gives
+#: the standard deviation of normal noise to 10 %.
 _PART_PERIODS = 10
 _PART_SAMPLES = 141
 #: An outlier is farther from the smooth curve than this multiple of the usual deviation. Of normal
