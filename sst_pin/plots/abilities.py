@@ -200,6 +200,9 @@ def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
 
 
 def _corners(x: Array) -> Array:
-    """Corners of the cells around points of a grid, shape (N + 1, M + 1)."""
+    """Corners of the cells around points of a grid, shape (N + 1, M + 1).
+
+    They are the means of four neighbours; beyond its edges the grid is continued with equal steps.
+    """
     wide = np.pad(x, 1, mode="reflect", reflect_type="odd")
     return np.asarray((wide[:-1, :-1] + wide[1:, :-1] + wide[:-1, 1:] + wide[1:, 1:]) / 4)
