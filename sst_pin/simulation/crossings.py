@@ -16,11 +16,13 @@ from ..arrays import Array
 from ..model.mechanism import Mechanism
 from ..states import StateSpace
 
-#: The search for a singular configuration ends after this many times the expected time.
+#: The search for a singular configuration ends after this many times the expected time, which is
+#: only a linear estimate.
 _AHEAD = 2.0
 #: A singular value below this part of its value at the start counts as zero.
 _VANISHED = 0.03
-#: Halfway there, one that falls linearly is between these parts of its value at the start.
+#: Halfway there, one that falls linearly is about half of its value at the start: between these
+#: parts. Where branches are tangent, it falls with the square of the time, to a quarter.
 _HALFWAY = (0.3, 0.7)
 #: Stages of the step, an even number so that none is in the middle.
 _STAGES = 8
