@@ -23,7 +23,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 
-#: The largest number of sums.
+#: The largest number of sums: a binomial coefficient, which soon exceeds all memory.
 _MOST = 10_000
 #: A row of factors smaller than this part of the largest row counts as zero: the other rows imply
 #: its limit.
