@@ -198,32 +198,107 @@ INLINE int run_columns(const columns *f, int arrays, const int *sizes, double *x
     return any;
 }
 
-/* Where the states of many motions stand: one step after the other, `step` bytes apart. */
+/* --- rollouts -----------------------------------------------------------------------------------
+ *
+ * A step of length h from the state z = (q, va), with the torques tau(t), is the classical
+ * Runge-Kutta method on z_dot = f(z, tau),
+ *
+ *     k1 = f(z, tau(t)),                    k2 = f(z + h/2 k1, tau(t + h/2)),
+ *     k3 = f(z + h/2 k2, tau(t + h/2)),     k4 = f(z + h k3, tau(t + h)),
+ *     z_next = z + h (k1 + 2 k2 + 2 k3 + k4) / 6,
+ *
+ * and then Newton's method onto the closures, with the coordinates held. A step is near to leaving its
+ * assembly mode where det Phi_u changes much; Phi_u are the columns of Phi for the dependent rates. */
+
+/* Arrays of many motions: the samples `at` are those of step 0, those of the next are `step` bytes
+ * behind. */
 typedef struct {
     rows at;
     ptrdiff_t step;
 } courses;
 
-/* Newton's method ends with a step up to this length: the square of it is what is left. */
+/* Newton's method has found the closed configuration after a step up to this length, free of units:
+ * the square of it is what is left. */
 #define LAST_STEP N(1e-8)
+/* Its most steps after a step of a rollout. */
+#define CLOSING_STEPS 3
 
-/* The classical Runge-Kutta method on q and va, and Newton's method onto the closures after each
- * step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
- * and gives it nearer to the closures, then a determinant that is zero at singularities. Torques are
- * those at the beginning of each step, in its middle (`half` bytes later) and at its end; where
- * `half` is 0, that of the beginning. A step that misses a bend of its way ends the motion.
- * `reached` gets the number of states that hold. The third output gets the determinant of each
- * state, and 1 where the step from it is sound, else 0: the determinant changes by at most a factor
- * `change` to the middle and on to the end, and no joint moves further than `travel`. */
+/* A rollout of one robot; numbers of q times `units` are free of units. */
 typedef struct {
-    int q, va, tau, load, checks, close_checks;
-    body *rate, *close;
-    const double *units; /* numbers of q times these are free of units */
-    double bend, tolerance, travel, nearby, change;
+    int q, va, tau, load; /* sizes */
+    int checks, close_checks;
+    body *rate;  /* of (q, va, tau, load): rates of q and va */
+    body *close; /* of q: q after a step of Newton's method, then det Phi_u without units */
+    const double *units;
+    double bend, tolerance; /* a step longer than `way` is closed by at most bend way + tolerance */
+    double travel;          /* longest sound step */
+    double nearby;          /* longest step of Newton's method that closes the middle of a sound step */
+    double change;          /* largest factor by which det Phi_u changes in half a sound step */
 } stepper;
 
-/* The determinant at x, without units; NaN where checks fail also after a short step of Newton's
- * method, which closes loops that are open. */
+/* Take torques for the kernel in x: those of step s, or so many bytes later. */
+INLINE void take_torques(const stepper *f, real *x, const courses *tau, ptrdiff_t s, ptrdiff_t later,
+    ptrdiff_t first, int lanes)
+{
+    rows from = tau->at;
+    from.data += s * tau->step + later;
+    take(x + f->q + f->va, &from, first, lanes, f->tau);
+}
+
+/* The states of step s. */
+INLINE rows at_step(const courses *states, ptrdiff_t s)
+{
+    rows result = states->at;
+    result.data += s * states->step;
+    return result;
+}
+
+/* The Runge-Kutta method from the state in x, at which y are the rates. Then x and `end` are the state
+ * at the end, and `start` is that of before. The torques in the middle of step s are `half` bytes
+ * behind those at its beginning; where half is 0, the step has just these. */
+INLINE void runge_kutta(const stepper *f, real *x, real *y, real *start, real *end, const double *p,
+    double h, const courses *tau, ptrdiff_t half, ptrdiff_t s, ptrdiff_t first, int lanes)
+{
+    static const double weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, ahead[] = {0.5, 0.5, 1};
+    static const int halves[] = {1, 1, 2}; /* time of the next stage */
+    const int states = f->q + f->va;
+    for (int j = 0; j < states; j++)
+        end[j] = start[j] = x[j];
+    for (int stage = 0; stage < 4; stage++) {
+        for (int j = 0; j < states; j++)
+            end[j] += h * weights[stage] * y[j];
+        if (stage == 3)
+            break;
+        for (int j = 0; j < states; j++)
+            x[j] = start[j] + h * ahead[stage] * y[j];
+        if (half && stage != 1)
+            take_torques(f, x, tau, s, halves[stage] * half, first, lanes);
+        f->rate(x, p, y);
+    }
+    for (int j = 0; j < states; j++)
+        x[j] = end[j];
+}
+
+/* Newton's method onto the closures from q in x, lane by lane until it ends; returns det Phi_u. */
+INLINE real close_loops(const stepper *f, real *x, const double *p, real *y)
+{
+    real det = {0};
+    mask open = det == det;
+    for (int step = 0; step < CLOSING_STEPS && some(open); step++) {
+        real squares = {0};
+        f->close(x, p, y);
+        det = choose(open, y[f->q], det);
+        for (int j = 0; j < f->q; j++) {
+            squares += (y[j] - x[j]) * (y[j] - x[j]);
+            x[j] = choose(open, y[j], x[j]);
+        }
+        open &= squares > LAST_STEP * LAST_STEP;
+    }
+    return det;
+}
+
+/* det Phi_u at q in x; NaN where checks fail also after one step of Newton's method, which has to be
+ * short. */
 INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
 {
     const int outputs = f->q + 2;
@@ -242,104 +317,88 @@ INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
     return det;
 }
 
-INLINE mask is_sound(const stepper *f, real before, real middle, real after, real way)
+/* Whether det Phi_u changes by at most `change`, or 1 / change, from one configuration to another. */
+INLINE mask changes_little(const stepper *f, real from, real to)
 {
-    const real first = middle / before, second = after / middle, least = (real){0} + 1 / f->change;
-    return (first > least) & (first < f->change) & (second > least) & (second < f->change)
-        & (way <= f->travel);
+    const real ratio = to / from, least = (real){0} + 1 / f->change;
+    return (ratio > least) & (ratio < f->change);
 }
 
-INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, const rows *in,
+/* Write NaN in place of the states that do not hold; returns whether there are any. */
+INLINE int erase_invalid(const courses *out, const int *sizes, ptrdiff_t steps, ptrdiff_t first,
+    int lanes, const ptrdiff_t *reached)
+{
+    int any = 0;
+    for (ptrdiff_t k = first; k < first + lanes; k++)
+        for (ptrdiff_t s = reached[k]; s <= steps; s++) {
+            any = 1;
+            for (int i = 0; i < 3; i++) {
+                char *at = out[i].at.data + k * out[i].at.row + s * out[i].step;
+                for (int j = 0; j < sizes[i]; j++)
+                    *(double *)(at + j * out[i].at.column) = __builtin_nan("");
+            }
+        }
+    return any;
+}
+
+/* Rollouts of `count` motions. `in` are q, va and load at the start; `tau` and `half` as in
+ * `runge_kutta`. `out` are q, va and two numbers for each state: det Phi_u, and 1 where the step from
+ * there is sound, else 0. `reached` gets the number of states that hold: their checks pass, det Phi_u
+ * has the sign that it had at the start, and the step to them is not bent. Returns whether a motion
+ * ends early. x, y, start and end are workspace. */
+INLINE int roll(const stepper *f, real *x, real *y, real *start, real *end, const rows *in,
     const courses *tau, ptrdiff_t half, const courses *out, const double *p, double h,
     ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
-    static const double weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, ahead[] = {0.5, 0.5, 1};
     const int states = f->q + f->va, inputs = states + f->tau + f->load;
     const int sizes[] = {f->q, f->va, 2};
+    const real zero = {0}, one = zero + 1.0;
     int any = 0;
     for (ptrdiff_t first = 0; first < count; first += LANES) {
         const int lanes = count - first < LANES ? (int)(count - first) : LANES;
-        const real zero = {0}, one = zero + 1.0;
-        mask holds = zero == zero;
-        real side, look[2] = {zero, one}; /* the determinant of the state, whether a step is sound */
         take(x, &in[0], first, lanes, f->q);
         take(x + f->q, &in[1], first, lanes, f->va);
         take(x + states + f->tau, &in[2], first, lanes, f->load);
         f->close(x, p, y);
-        side = look[0] = y[f->q];
+        const real det_at_start = y[f->q];
+        real det = det_at_start;
+        mask holds = zero == zero;
         for (ptrdiff_t s = 0; s <= steps; s++) {
-            rows to[3];
-            for (int i = 0; i < 3; i++) {
-                to[i] = out[i].at;
-                to[i].data += s * out[i].step;
-            }
-            give(x, &to[0], first, lanes, f->q);
-            give(x + f->q, &to[1], first, lanes, f->va);
-            holds &= side * look[0] > 0.0;
-            for (int j = 0; j < states; j++)
-                sum[j] = start[j] = x[j];
-            for (int stage = 0; stage < (s < steps ? 4 : 1); stage++) {
-                rows from = tau->at;
-                /* at the last state any torque serves to judge it */
-                if (s < steps && (stage == 0 || (half && stage != 2))) {
-                    from.data += s * tau->step + (stage == 0 ? 0 : stage == 3 ? 2 : 1) * half;
-                    take(x + states, &from, first, lanes, f->tau);
-                }
-                f->rate(x, p, y);
-                if (stage == 0) {
-                    holds &= judge(x, f->q, inputs, y, states, f->checks);
-                    for (int l = 0; l < lanes; l++)
-                        if (LANE(holds, l))
-                            reached[first + l] = s + 1;
-                }
-                for (int j = 0; j < states; j++) {
-                    sum[j] += h * weights[stage] * y[j];
-                    x[j] = start[j] + (stage < 3 ? h * ahead[stage] : 0.0) * y[j];
-                }
-            }
+            /* the state */
+            const rows to_q = at_step(&out[0], s), to_va = at_step(&out[1], s);
+            const rows to_verdict = at_step(&out[2], s);
+            give(x, &to_q, first, lanes, f->q);
+            give(x + f->q, &to_va, first, lanes, f->va);
+            if (s < steps) /* at the last state any torques serve to check it */
+                take_torques(f, x, tau, s, 0, first, lanes);
+            f->rate(x, p, y);
+            holds &= det_at_start * det > 0.0;
+            holds &= judge(x, f->q, inputs, y, states, f->checks);
+            for (int l = 0; l < lanes; l++)
+                if (LANE(holds, l))
+                    reached[first + l] = s + 1;
             if (s == steps) {
-                look[1] = one;
-                give(look, &to[2], first, lanes, 2);
+                const real verdict[] = {det, one};
+                give(verdict, &to_verdict, first, lanes, 2);
                 break;
             }
-            for (int j = 0; j < states; j++)
-                x[j] = sum[j];
-            mask open = zero == zero;
-            real det = zero;
-            for (int step = 0; step < 3 && some(open); step++) {
-                real squares = {0};
-                f->close(x, p, y);
-                det = choose(open, y[f->q], det);
-                for (int j = 0; j < f->q; j++) {
-                    squares += (y[j] - x[j]) * (y[j] - x[j]);
-                    x[j] = choose(open, y[j], x[j]);
-                }
-                open &= squares > LAST_STEP * LAST_STEP;
-            }
+
+            /* the step from there */
+            runge_kutta(f, x, y, start, end, p, h, tau, half, s, first, lanes);
+            const real det_at_end = close_loops(f, x, p, y);
             const real way = longest_way(f->q, f->units, start, x);
-            holds &= longest_way(f->q, f->units, sum, x) <= f->bend * way + f->tolerance;
-            for (int j = 0; j < f->q; j++) {
-                sum[j] = x[j];
-                x[j] = 0.5 * (start[j] + sum[j]);
-            }
-            const real middle = determinant(f, x, p, y);
-            look[1] = choose(is_sound(f, look[0], middle, det, way), one, zero);
-            give(look, &to[2], first, lanes, 2);
-            look[0] = det;
+            holds &= longest_way(f->q, f->units, end, x) <= f->bend * way + f->tolerance;
+            real *middle = end; /* which is not needed any more */
             for (int j = 0; j < f->q; j++)
-                x[j] = sum[j];
+                middle[j] = 0.5 * (start[j] + x[j]);
+            const real det_in_middle = determinant(f, middle, p, y);
+            const mask sound = changes_little(f, det, det_in_middle)
+                & changes_little(f, det_in_middle, det_at_end) & (way <= f->travel);
+            const real verdict[] = {det, choose(sound, one, zero)};
+            give(verdict, &to_verdict, first, lanes, 2);
+            det = det_at_end;
         }
-        for (int l = 0; l < lanes; l++) {
-            if (reached[first + l] > steps)
-                continue;
-            any = 1;
-            for (ptrdiff_t s = reached[first + l]; s <= steps; s++)
-                for (int i = 0; i < 3; i++) {
-                    char *at = out[i].at.data + (first + l) * out[i].at.row + s * out[i].step;
-                    for (int j = 0; j < sizes[i]; j++)
-                        *(double *)(at + j * out[i].at.column) = __builtin_nan("");
-                }
-        }
+        any |= erase_invalid(out, sizes, steps, first, lanes, reached);
     }
     return any;
 }

@@ -4,6 +4,6 @@ int run_${entry}(const rows *in, const courses *tau, ptrdiff_t half, const cours
     static const double units[] = {${units}};
     static const stepper f = {${q}, ${va}, ${tau}, ${load}, ${checks}, ${close_checks}, ${name}, ${close},
         units, ${bend}, ${tolerance}, ${travel}, ${nearby}, ${change}};
-    real x[${inputs}], y[${room}], start[${states}], sum[${states}];
-    return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
+    real x[${inputs}], y[${room}], start[${states}], end[${states}];
+    return roll(&f, x, y, start, end, in, tau, half, out, p, h, steps, count, reached);
 }
