@@ -11,8 +11,10 @@ typedef struct {
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* The last sample fills the lanes that are left; an array that is not there is zeros. */
-INLINE void gather(real *x, const rows *from, ptrdiff_t first, int lanes, int size, ptrdiff_t column)
+/* Take samples from `first` on into the lanes of x. The last sample fills lanes that are left; an array
+ * that is not there is zeros. */
+INLINE void take_at_distance(
+    real *x, const rows *from, ptrdiff_t first, int lanes, int size, ptrdiff_t column)
 {
     const char *at[LANES];
     if (!from->data || lanes == 1) {
@@ -33,12 +35,13 @@ INLINE void gather(real *x, const rows *from, ptrdiff_t first, int lanes, int si
 
 INLINE void take(real *x, const rows *from, ptrdiff_t first, int lanes, int size)
 {
-    if (from->column == sizeof(double)) /* known, so that the loops above unroll */
-        gather(x, from, first, lanes, size, sizeof(double));
+    if (from->column == sizeof(double)) /* a constant, with which the compiler unrolls the loops */
+        take_at_distance(x, from, first, lanes, size, sizeof(double));
     else
-        gather(x, from, first, lanes, size, from->column);
+        take_at_distance(x, from, first, lanes, size, from->column);
 }
 
+/* Give the lanes of y to samples from `first` on. */
 INLINE void give(const real *y, const rows *to, ptrdiff_t first, int lanes, int size)
 {
     for (int l = 0; l < lanes; l++) {
@@ -48,7 +51,8 @@ INLINE void give(const real *y, const rows *to, ptrdiff_t first, int lanes, int 
     }
 }
 
-/* Where the angles are in reach, all numbers finite and all checks at most 1. */
+/* Where the results y are valid: the angles in x are small enough for sines, all numbers are finite,
+ * and all checks, which are behind the outputs, are at most 1. */
 INLINE mask judge(const real *x, int angles, int inputs, const real *y, int outputs, int checks)
 {
     real squares = {0}, zero = {0};
@@ -66,8 +70,9 @@ INLINE mask judge(const real *x, int angles, int inputs, const real *y, int outp
 
 typedef void body(const real *x, const double *p, real *y);
 
-/* Returns whether a sample is bad; `bad` gets a 1 for each of these. Where there is a `close`, three
- * steps of Newton's method come first. */
+/* Run a kernel f for `count` samples. `in` are its inputs, `arrays` of them with these sizes. The first
+ * one is q; if there is a `close`, three steps of Newton's method close the loops first. `bad` gets a 1
+ * for each sample that is not valid; returns whether there is one. x and y are workspace. */
 INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int inputs, int outputs,
     int checks, real *x, real *y, const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
@@ -93,79 +98,83 @@ INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int in
     return any;
 }
 
-/* Results along directions of the coordinates, whose numbers are in `directions`. Result k of coordinate
- * j is number places[k] + j * strides[k] of the whole result. Behind `results` are checks. */
+/* --- kernels along directions ------------------------------------------------------------------- */
+
+/* A function for any directions of a group of coordinates; see along_directions.py. Result k for
+ * coordinate j has the index places[k] + j * strides[k] in the whole result. */
 typedef struct {
+    /* d are directions, one in each lane; y gets the results, then the checks */
     void (*compute)(const double *x, const double *p, const double *once, const real *d, real *y);
-    int count, results, checks;
-    const int *directions, *places, *strides;
+    int count;             /* of coordinates in the group */
+    int results, checks;
+    const int *directions; /* the indices of these coordinates */
+    const int *places, *strides;
 } pass;
 
-/* A kernel whose results are computed along directions. `once` computes what is the same for all of
- * them: `known` numbers of the result, which are at `known_at`, then factors of a matrix A, then
- * checks. */
+/* A kernel along directions. Its whole result is A^-1 times what its functions compute if it has a
+ * `rank`, with A = L D L^T; rows of the result then have another order in L. */
 typedef struct {
+    /* what is the same for all directions: known results, 1 / D, the entries of L, checks */
     void (*once)(const double *x, const double *p, double *y);
-    int inputs, angles, known, checks, size, width, passes;
-    const int *known_at;
+    int inputs, angles; /* sizes of all inputs, and of q, which is the first one */
+    int known, checks;  /* numbers of known results and of checks of `once` */
+    int size, width;    /* of the whole result, and of its rows */
+    int passes;
+    const int *known_at; /* indices of the known results in the whole one */
     const pass *pass;
-    /* the result is A^-1 times what was computed: rows of the result by rows of L, places in L */
-    int rank, entries;
-    const int *order, *entry_at;
+    int rank, entries;   /* size of A, 0 for none; number of entries of L below its diagonal */
+    const int *order;    /* row of the result by row of L */
+    const int *entry_at; /* row and column of each entry of L, column by column */
 } columns;
 
-/* A^-1 times the result, A = L D L^T, from 1 / D and the entries of L; LANES columns at once. */
+/* Compute the results of a pass for all its directions; returns whether all checks pass. */
+INLINE int compute_pass(
+    const pass *g, const double *x, const double *p, const double *once, double *result, real *y)
+{
+    mask good = (real){0} == 0.0;
+    for (int first = 0; first < g->count; first += LANES) {
+        const int lanes = g->count - first < LANES ? g->count - first : LANES;
+        real d[g->count];
+        for (int j = 0; j < g->count; j++)
+            for (int l = 0; l < LANES; l++)
+                LANE(d[j], l) = j == first + l;
+        g->compute(x, p, once, d, y);
+        for (int l = 0; l < lanes; l++) {
+            const int j = g->directions[first + l];
+            for (int k = 0; k < g->results; k++)
+                result[g->places[k] + j * g->strides[k]] = LANE(y[k], l);
+        }
+        for (int k = 0; k < g->checks; k++)
+            good &= y[g->results + k] <= 1.0;
+    }
+    return !some(~good);
+}
+
+/* Multiply the result by A^-1, LANES of its columns at once. */
 INLINE void solve(const columns *f, const double *factors, double *result)
 {
-    const double *L = factors + f->rank;
+    const double *inverses = factors, *L = factors + f->rank; /* of D */
     real x[f->rank];
     for (int first = 0; first < f->width; first += LANES) {
         const int lanes = f->width - first < LANES ? f->width - first : LANES;
         for (int i = 0; i < f->rank; i++)
             memcpy(&x[i], result + f->order[i] * f->width + first, lanes * sizeof(double));
-        for (int k = 0; k < f->entries; k++)
+        for (int k = 0; k < f->entries; k++) /* L */
             x[f->entry_at[2 * k]] -= L[k] * x[f->entry_at[2 * k + 1]];
         for (int i = 0; i < f->rank; i++)
-            x[i] *= factors[i];
-        for (int k = f->entries - 1; k >= 0; k--)
+            x[i] *= inverses[i];
+        for (int k = f->entries - 1; k >= 0; k--) /* L^T */
             x[f->entry_at[2 * k + 1]] -= L[k] * x[f->entry_at[2 * k]];
         for (int i = 0; i < f->rank; i++)
             memcpy(result + f->order[i] * f->width + first, &x[i], lanes * sizeof(double));
     }
 }
 
-/* The result of one sample; returns whether it is good. */
-INLINE int compute_columns(
-    const columns *f, const double *x, const double *p, double *once, double *result, real *y)
+/* As `judge`, for the whole result of a kernel along directions and the checks of its `once`. */
+INLINE int judge_columns(const columns *f, const double *x, const double *checks, const double *result)
 {
     double squares = 0, zero = 0;
-    mask good = (real){0} == 0.0;
-    const double *factors = once + f->known, *checks = factors + f->rank + f->entries;
-    int bad = 0;
-    f->once(x, p, once);
-    memset(result, 0, f->size * sizeof(double));
-    for (int k = 0; k < f->known; k++)
-        result[f->known_at[k]] = once[k];
-    for (int i = 0; i < f->passes; i++) {
-        const pass *g = &f->pass[i];
-        for (int first = 0; first < g->count; first += LANES) {
-            const int lanes = g->count - first < LANES ? g->count - first : LANES;
-            real d[g->count];
-            for (int j = 0; j < g->count; j++)
-                for (int l = 0; l < LANES; l++)
-                    LANE(d[j], l) = j == first + l;
-            g->compute(x, p, once, d, y);
-            for (int l = 0; l < lanes; l++) {
-                const int j = g->directions[first + l];
-                for (int k = 0; k < g->results; k++)
-                    result[g->places[k] + j * g->strides[k]] = LANE(y[k], l);
-            }
-            for (int k = 0; k < g->checks; k++)
-                good &= y[g->results + k] <= 1.0;
-        }
-    }
-    if (f->rank)
-        solve(f, factors, result);
+    int good = 1;
     for (int j = 0; j < f->angles; j++)
         squares += x[j] * x[j];
     for (int j = f->angles; j < f->inputs; j++)
@@ -173,11 +182,28 @@ INLINE int compute_columns(
     for (int j = 0; j < f->size; j++)
         zero += result[j] * 0.0;
     for (int k = 0; k < f->checks; k++)
-        bad |= !(checks[k] <= 1.0);
-    return !bad && !some(~good) && squares < LARGEST_ANGLE * LARGEST_ANGLE && zero == 0.0;
+        good &= checks[k] <= 1.0;
+    return good && squares < LARGEST_ANGLE * LARGEST_ANGLE && zero == 0.0;
 }
 
-/* As `run`, for a kernel with columns. */
+/* The whole result for one sample; returns whether it is valid. */
+INLINE int compute_columns(
+    const columns *f, const double *x, const double *p, double *once, double *result, real *y)
+{
+    const double *factors = once + f->known, *checks = factors + f->rank + f->entries;
+    int good = 1;
+    f->once(x, p, once);
+    memset(result, 0, f->size * sizeof(double));
+    for (int k = 0; k < f->known; k++)
+        result[f->known_at[k]] = once[k];
+    for (int i = 0; i < f->passes; i++)
+        good &= compute_pass(&f->pass[i], x, p, once, result, y);
+    if (f->rank)
+        solve(f, factors, result);
+    return good & judge_columns(f, x, checks, result);
+}
+
+/* As `run`, for a kernel along directions. */
 INLINE int run_columns(const columns *f, int arrays, const int *sizes, double *x, double *once,
     double *result, real *y, const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
