@@ -43,6 +43,6 @@ class RolloutKernel:
         load: Array | None,
         q: Array,
         va: Array,
-        looks: Array,
+        verdicts: Array,
         threads: int = 1,
     ) -> Indices: ...

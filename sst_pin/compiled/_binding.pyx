@@ -56,8 +56,8 @@ cdef extern from "batches.h":
     ) noexcept nogil
 
 cdef enum:
-    MOST_ARRAYS = 5
-    FEW = 64
+    MOST_ARRAYS = 5  # inputs of a kernel
+    FEW = 64  # flags of so many samples, or loads made from moments, take no large memory
 
 #: What the processor offers: "avx512", "avx2" or "plain".
 INSTRUCTIONS = instructions().decode()
@@ -76,18 +76,23 @@ cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
     )
 
 
-cdef object as_floats(object given):
-    """Python's numbers in a list, or an array of other real numbers, as float64; all else as it is."""
-    if type(given) is list or type(given) is tuple:
-        for x in given:
+cdef object as_floats(object argument):
+    """Python's numbers in a list, or an array of other real numbers, as float64.
+
+    Anything else is returned as it is.
+    """
+    if type(argument) is list or type(argument) is tuple:
+        for x in argument:
             if not isinstance(x, float) and type(x) is not int:
-                return given
-    elif type(given) is not cnp.ndarray or given.dtype.kind not in "iuf" or given.dtype.char == "d":
-        return given
+                return argument
+    elif type(argument) is not cnp.ndarray:
+        return argument
+    elif argument.dtype.kind not in "iuf" or argument.dtype.char == "d":
+        return argument
     try:
-        return np.array(given, dtype=np.float64)
+        return np.array(argument, dtype=np.float64)
     except OverflowError:  # a whole number that is too large
-        return given
+        return argument
 
 
 cdef inline Py_ssize_t number_of(object threads):
@@ -97,11 +102,13 @@ cdef inline Py_ssize_t number_of(object threads):
     if type(threads) is not int:
         return 0
     number = PyLong_AsLongAndOverflow(threads, &overflow)
-    return 1 << 40 if overflow > 0 else max(number, 0)
+    if overflow > 0:  # a huge number of threads is allowed: there are never more than are useful
+        return 1 << 40
+    return max(number, 0)
 
 
 cdef rows rows_of(cnp.ndarray array):
-    """A 2-D array, or a 1-D one for all samples."""
+    """A 2-D array with a row for each sample, or a 1-D one, the row of all samples."""
     cdef rows result
     cdef int ndim = cnp.PyArray_NDIM(array)
     result.data = cnp.PyArray_BYTES(array)
@@ -182,7 +189,7 @@ cdef class Kernel:
             kernel = self.loaded
             if kernel is None:
                 return None
-        return kernel.respond_to_all(a, b, c, load, out, threads)
+        return kernel.compute(a, b, c, load, out, threads)
 
     def derivatives(self, kind, a, b, c, threads):
         """Derivatives by a, b and c, as many rows as b, or None where `answer` is None.
@@ -197,10 +204,10 @@ cdef class Kernel:
         cdef char *at
         if self.arrays != 3 or columns * self.sizes[1] != self.output:
             raise TypeError("no kernel of derivatives")
-        answer = self.respond_to_all(a, b, c, None, None, threads)
-        if answer is None:
+        result = self.compute(a, b, c, None, None, threads)
+        if result is None:
             return None
-        rows = answer
+        rows = result
         ndim, at = cnp.PyArray_NDIM(rows), cnp.PyArray_BYTES(rows)
         shape[0] = cnp.PyArray_DIM(rows, 0)
         strides[0], strides[ndim] = self.output * sizeof(double), sizeof(double)
@@ -218,21 +225,22 @@ cdef class Kernel:
             at += width * sizeof(double)
         return tuple.__new__(kind, parts)
 
-    cdef respond_to_all(self, a, b, c, load, out, threads):
-        """The result by this kernel, or None, for `answer`."""
-        answer = self.respond(a, b, c, load, out, threads)
-        if answer is None:
-            given, a, b, c = (a, b, c), as_floats(a), as_floats(b), as_floats(c)
-            if a is not given[0] or b is not given[1] or c is not given[2]:
-                return self.respond(a, b, c, load, out, threads)
-        return answer
+    cdef compute(self, a, b, c, load, out, threads):
+        """`answer` by this kernel; arguments are converted only if they are no plain arrays."""
+        result = self.compute_plain(a, b, c, load, out, threads)
+        if result is not None:
+            return result
+        floats_a, floats_b, floats_c = as_floats(a), as_floats(b), as_floats(c)
+        if floats_a is a and floats_b is b and floats_c is c:
+            return None
+        return self.compute_plain(floats_a, floats_b, floats_c, load, out, threads)
 
-    cdef respond(self, a, b, c, load, out, threads):
-        """`respond_to_all` for plain float64 arrays."""
+    cdef compute_plain(self, a, b, c, load, out, threads):
+        """`compute` for plain float64 arrays; None for others."""
         cdef rows inputs[4]
         cdef rows output
         cdef cnp.npy_intp shape[2]
-        cdef Py_ssize_t count = -1
+        cdef Py_ssize_t count = -1  # one sample, until an array with more is taken
         cdef bint moment = load is not None
         cdef Py_ssize_t number = number_of(threads)
         cdef int i, size
@@ -299,7 +307,11 @@ cdef class Kernel:
         return result
 
     cdef bint run_with_moment(self, rows *inputs, rows *output, Py_ssize_t count) noexcept:
-        """Run with moments; the loads are made from them for some samples at a time."""
+        """`run` with moments, shape (3,) each, as the last input.
+
+        The loads, in which each moment is three entries and all others are zero, are made for some
+        samples at a time. `inputs` and `output` are moved on.
+        """
         cdef rows moments = inputs[3]
         cdef int size = self.sizes[3]
         cdef Py_ssize_t first = 0, some = 1 if count < 0 else min(count, <Py_ssize_t>FEW), k
@@ -324,17 +336,17 @@ cdef class Kernel:
         return good
 
     cdef inline bint take(self, object array, int i, int size, rows *inputs, Py_ssize_t *count):
-        """Take in an argument if it fits; `count` is -1 for one sample."""
-        cdef Py_ssize_t own
+        """Whether argument i has this size; then inputs[i] and, of a batch, the count are set."""
+        cdef Py_ssize_t samples
         if i >= self.arrays:
             return array is None
         if not is_plain(array, 1, size):
             if not is_plain(array, 2, size):
                 return False
-            own = cnp.PyArray_DIM(<cnp.ndarray>array, 0)
-            if count[0] >= 0 and own != count[0]:
+            samples = cnp.PyArray_DIM(<cnp.ndarray>array, 0)
+            if count[0] >= 0 and samples != count[0]:
                 return False
-            count[0] = own
+            count[0] = samples
         inputs[i] = rows_of(<cnp.ndarray>array)
         return True
 
@@ -352,7 +364,8 @@ cdef class Kernel:
         cdef rows inputs[MOST_ARRAYS]
         cdef rows output
         cdef cnp.ndarray bad
-        cdef const double *parameters
+        cdef cnp.ndarray parameters
+        cdef const double *p
         cdef unsigned char *flags
         cdef Py_ssize_t count
         cdef run_function run
@@ -375,13 +388,15 @@ cdef class Kernel:
                 raise TypeError(f"array {i} is not float64 of shape ({count}, {self.sizes[i]})")
         bad = np.zeros(max(count, 1), dtype=np.uint8)
         output = rows_of(out)
-        run, own = self.single, self.parameters
         if count > 1:
-            run, own = self.batch, self.batch_parameters
-        parameters, flags = numbers_of(own), <unsigned char *>cnp.PyArray_DATA(bad)
+            run, parameters = self.batch, self.batch_parameters
+        else:
+            run, parameters = self.single, self.parameters
+        p = numbers_of(parameters)
+        flags = <unsigned char *>cnp.PyArray_DATA(bad)
         with nogil:
             any_bad = run_shared(
-                run, self.arrays, inputs, &output, parameters, count, flags, self.numbers(), threads
+                run, self.arrays, inputs, &output, p, count, flags, self.numbers(), threads
             )
         return np.flatnonzero(bad) if any_bad else np.empty(0, dtype=np.intp)
 
@@ -414,7 +429,7 @@ cdef class RolloutKernel:
     def run(
         self, double step, cnp.ndarray q0 not None, cnp.ndarray va0 not None,
         cnp.ndarray tau not None, cnp.ndarray load, cnp.ndarray q not None,
-        cnp.ndarray va not None, cnp.ndarray looks not None, Py_ssize_t threads=1,
+        cnp.ndarray va not None, cnp.ndarray verdicts not None, Py_ssize_t threads=1,
     ):
         """Fill the states and return the number of valid states of each sample, shape (N,).
 
@@ -426,8 +441,8 @@ cdef class RolloutKernel:
             load: Shape (N, size), or None.
             q: Shape (N, steps + 1, nq), to be filled; NaN for states that fail their checks.
             va: Shape (N, steps + 1, n), filled in the same way.
-            looks: Shape (N, steps + 1, 2), filled in the same way: det Phi_u without units, and 1
-                where it changes little in the step from there, else 0.
+            verdicts: Shape (N, steps + 1, 2), filled in the same way: det Phi_u without units, and
+                1 where it changes little in the step from there, else 0.
             threads: Number of threads.
 
         Raises:
@@ -436,48 +451,68 @@ cdef class RolloutKernel:
         cdef rows inputs[3]
         cdef courses torques
         cdef courses outputs[3]
-        cdef Py_ssize_t count = cnp.PyArray_DIM(q0, 0) if cnp.PyArray_NDIM(q0) == 2 else -1
-        cdef Py_ssize_t steps = cnp.PyArray_DIM(q, 1) - 1 if cnp.PyArray_NDIM(q) == 3 else -1
-        cdef ptrdiff_t half = 0
-        cdef ptrdiff_t *counts
-        cdef cnp.ndarray reached = np.zeros(max(count, 1), dtype=np.intp)
-        cdef const double *parameters
+        cdef Py_ssize_t count, steps
+        cdef ptrdiff_t half = 0  # distance of the torques in the middle of a step, if there are any
         cdef ptrdiff_t numbers = self.sizes[0] + self.sizes[1] + self.sizes[2]
-        for array, ndim, size in (
-            (q0, 2, self.sizes[0]), (va0, 2, self.sizes[1]), (tau, 3, self.sizes[2]),
-            (q, 3, self.sizes[0]), (va, 3, self.sizes[1]), (looks, 3, 2),
-            *(() if load is None else ((load, 2, self.sizes[3]),)),
-        ):
-            if not is_plain(array, ndim, size) or array.shape[0] != count:
-                raise TypeError("the shapes of the arrays do not match")
-        held = tau.shape[1] == steps
-        if (
-            steps < 0 or not va.shape[1] == looks.shape[1] == steps + 1
-            or not (held or tau.shape[1] == 2 * steps + 1)
-            or not all(a.flags.writeable for a in (q, va, looks))
-        ):
+        cdef cnp.ndarray reached
+        cdef ptrdiff_t *reached_states
+        cdef const double *p
+        if cnp.PyArray_NDIM(q0) != 2 or cnp.PyArray_NDIM(q) != 3:
+            raise TypeError("q0 has no two axes, or q no three")
+        count = cnp.PyArray_DIM(q0, 0)
+        steps = cnp.PyArray_DIM(q, 1) - 1
+        if not self.fit(count, steps, q0, va0, tau, load, q, va, verdicts):
             raise TypeError("the shapes of the arrays do not match")
-        inputs[0], inputs[1] = rows_of(q0), rows_of(va0)
+        inputs[0] = rows_of(q0)
+        inputs[1] = rows_of(va0)
         memset(&inputs[2], 0, sizeof(rows))
         if load is not None:
             inputs[2] = rows_of(load)
         torques = course_of(tau)
-        if not held:
+        if cnp.PyArray_DIM(tau, 1) != steps:
             half = torques.step
-            torques.step *= 2
-        outputs[0], outputs[1], outputs[2] = course_of(q), course_of(va), course_of(looks)
-        counts = <ptrdiff_t *>cnp.PyArray_DATA(reached)
-        own = self.parameters
-        parameters = numbers_of(own)
+            torques.step = 2 * half
+        outputs[0] = course_of(q)
+        outputs[1] = course_of(va)
+        outputs[2] = course_of(verdicts)
+        reached = np.zeros(max(count, 1), dtype=np.intp)
+        reached_states = <ptrdiff_t *>cnp.PyArray_DATA(reached)
+        p = numbers_of(self.parameters)
         with nogil:
             roll_shared(
-                self.code, inputs, &torques, half, outputs, parameters, step, steps, count,
-                counts, numbers, threads,
+                self.code, inputs, &torques, half, outputs, p, step, steps, count, reached_states,
+                numbers, threads,
             )
         return reached[:count]
 
+    cdef bint fit(
+        self, Py_ssize_t count, Py_ssize_t steps, cnp.ndarray q0, cnp.ndarray va0,
+        cnp.ndarray tau, cnp.ndarray load, cnp.ndarray q, cnp.ndarray va, cnp.ndarray verdicts,
+    ):
+        """Whether the arguments of `run` are plain arrays of `count` motions with these steps."""
+        cdef cnp.ndarray result
+        if not (
+            steps >= 0
+            and is_plain(q0, 2, self.sizes[0])
+            and is_plain(va0, 2, self.sizes[1])
+            and (load is None or is_plain(load, 2, self.sizes[3]))
+            and is_plain(tau, 3, self.sizes[2])
+            and is_plain(q, 3, self.sizes[0])
+            and is_plain(va, 3, self.sizes[1])
+            and is_plain(verdicts, 3, 2)
+        ):
+            return False
+        for array in (q0, va0, load, tau, q, va, verdicts):
+            if array is not None and array.shape[0] != count:
+                return False
+        for result in (q, va, verdicts):
+            if cnp.PyArray_DIM(result, 1) != steps + 1 or not cnp.PyArray_ISWRITEABLE(result):
+                return False
+        return cnp.PyArray_DIM(tau, 1) in (steps, 2 * steps + 1)
+
 
 cdef courses course_of(cnp.ndarray array):
+    """An array of the steps of many samples, shape (N, steps, size)."""
     cdef courses result
     result.at.data = cnp.PyArray_BYTES(array)
     result.at.row = cnp.PyArray_STRIDE(array, 0)
