@@ -129,7 +129,8 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
         for _ in range(_STEPS):
             motions = free_motions(space.Phi(q))
             fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
-            fall = fall / (np.linalg.norm(fall) + 1e-9)
+            if fall.any():
+                fall = fall / np.linalg.norm(fall)
             direction = direction / np.linalg.norm(direction)
             direction = direction + 0.1 * random.standard_normal(model.nv)
             direction = motions @ (motions.T @ (direction + 0.3 * fall))
