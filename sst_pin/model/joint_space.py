@@ -20,6 +20,9 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices, finite_array
 from ..errors import InputError, UnknownNameError
 
+#: Largest error of the length of a quaternion or a cosine-sine pair: six digits are enough.
+_OFF_LENGTH_ONE = 1e-6
+
 
 class _Kind(NamedTuple):
     """The entries of one type of joint. A suffix is added to the name of the joint."""
@@ -289,7 +292,7 @@ class JointSpace:
 
     def on_manifold(self, q: Array) -> Flags:
         """Whether quaternions and cosine-sine pairs have length one, q of shape (..., nq)."""
-        return np.all(self._off_length_one(q) < 1e-6, axis=-1)
+        return np.all(self._off_length_one(q) < _OFF_LENGTH_ONE, axis=-1)
 
     def require_on_manifold(self, q: Array, name: str = "q") -> None:
         """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one."""
@@ -297,7 +300,7 @@ class JointSpace:
             return
         with np.errstate(over="ignore"):
             errors = (q * q).dot(self.unit_parts) - 1
-            is_near = errors.dot(errors) < 1e-12
+            is_near = errors.dot(errors) < _OFF_LENGTH_ONE**2
         if is_near:
             return  # sufficient: each length differs from 1 by less than 5e-7
         if not self.on_manifold(q):
