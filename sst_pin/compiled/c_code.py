@@ -49,7 +49,9 @@ class Style(NamedTuple):
     rounding: float  #: Relative rounding.
     angle: float  #: Largest entry of q: sines of larger angles lose digits.
     dtype: str  #: The type in NumPy and Warp.
-    last_step: float  #: After a Newton step up to this length, free of units, loops are closed.
+    #: After a Newton step up to this length, free of units, loops are closed: the next step would
+    #: be about its square, which is below rounding.
+    last_step: float
 
 
 STYLES = {

@@ -63,7 +63,8 @@ _ROUNDINGS = 30
 _MISSING = 1e4
 #: Rounding of the sum of all forces in double precision, relative.
 _BALANCED = 1e-14
-#: Solutions up to this count as zero, [rad/s], [N m] and the like.
+#: Solutions up to this count as zero, [rad/s], [N m] and the like: those of a robot at rest are
+#: rounding, and have no size with which a residual could be compared.
 _NEGLIGIBLE = 1e-10
 
 

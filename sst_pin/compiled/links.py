@@ -140,7 +140,10 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
 
 
 def clean(a: Array) -> Array:
-    """Round numbers near 0, 1 and -1 to these, so that products with them need no operation."""
+    """Round numbers near 0, 1 and -1 to these, so that products with them need no operation.
+
+    Numbers of placements that should be these differ from them by at most two roundings of 1.
+    """
     a = np.array(a, dtype=float)
     for whole in (-1.0, 0.0, 1.0):
         a[np.abs(a - whole) < 4e-16] = whole

@@ -16,7 +16,8 @@ from .urdf_writer import numbers
 
 #: URDF demands a largest velocity; this or a larger one stands for none, [rad/s] or [m/s].
 _FAST = 1e3
-#: Largest entry of the quaternion at which the spring of a ball is relaxed that counts as zero.
+#: Largest entry of the quaternion at which the spring of a ball is relaxed that counts as zero:
+#: rounding of a few products.
 _REST_ROUNDING = 1e-12
 
 

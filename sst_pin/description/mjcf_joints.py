@@ -17,7 +17,8 @@ from ..model.normal_tree import NormalTree
 
 #: Kinds of joints of several rates.
 _KINDS_OF_SEVERAL_RATES = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-#: Largest relative size of the off-diagonal entries of an inertia that counts as diagonal.
+#: Largest relative size of the off-diagonal entries of an inertia that counts as diagonal. Smaller
+#: entries are rounding, and an eigenvalue problem would only exchange the axes.
 _ROUNDING = 1e-15
 
 

@@ -23,7 +23,8 @@ _SLACK = 1e-9
 #: Radii for which meshes can be written, [m].
 _SMALLEST_RADIUS = 1e-6
 _LARGEST_RADIUS = 1e6
-#: Three unit directions with a smaller triple product count as lying in one plane.
+#: Three unit directions with a smaller triple product count as lying in one plane, as directions in
+#: a plane do that are written with six digits.
 _SMALLEST_TRIPLE = 1e-6
 #: Where an inertia has its entries xx, yy, zz, xy, xz, yz.
 ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))

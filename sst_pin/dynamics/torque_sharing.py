@@ -24,7 +24,8 @@ _ROUNDING = 1e-12
 #: A least-distance problem has no solution if its residual, free of units, is below this: the
 #: residual is then rounding of numbers that are about one.
 _NO_DISTANCE = 1e-6
-#: Motors whose excess differs from the largest by less than this fraction are named together.
+#: Motors whose excess differs from the largest by less than this fraction are named together: in
+#: legs that are alike, rounding decides which one is the largest.
 _TIE = 1e-6
 
 

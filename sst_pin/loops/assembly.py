@@ -29,7 +29,8 @@ from .ranks import free_motions, scaled_Phi
 # Two bounds of errors: a configuration is assembled if the error of each row is below `_ASSEMBLED`,
 # or below the rounding of the row. Newton's method goes on below that, while it improves, until the
 # error of each group is below `_POLISHED`, or below the rounding of the frames' coordinates.
-#: Largest error of a row in an assembled configuration.
+#: Largest error of a row in an assembled configuration: far below `CLOSURE_TOLERANCE`, so that it
+#: counts as closed, and far above the rounding of long chains.
 _ASSEMBLED = 1e-11
 #: Newton's method ends at this error of a group.
 _POLISHED = 1e-4 * _ASSEMBLED

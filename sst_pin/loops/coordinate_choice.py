@@ -10,7 +10,9 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, RESTS
 from .ranks import free_motions
 
-#: Rates whose independent parts differ by less, relative to the largest, are equally good.
+#: Rates whose independent parts differ by less, relative to the largest, are equally good: parts of
+#: legs that are alike differ by the rounding of placements and of the configuration, and then the
+#: names must decide.
 _EQUAL = 1e-6
 
 

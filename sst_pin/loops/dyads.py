@@ -25,7 +25,8 @@ from ..model.closures import Closure, Constraint, holds_points
 from ..model.tree import frame_id
 from .loops import Loops
 
-#: Directions and cosines that differ by less are equal, and so are points, in robot lengths.
+#: Directions and cosines that differ by less are equal, and so are points, in robot lengths. They
+#: differ by rounding of placements, some 1e-15; files with fewer digits are searched from starts.
 _EQUAL = 1e-9
 
 

@@ -33,7 +33,8 @@ from .ranks import scaled_Phi
 _STEPS = 12
 #: Its longest step, [rad] or lengths of the loop.
 _LONGEST = 0.5
-#: A step of less than this size is the last one: for an exact pose, for one that is approached.
+#: A step of less than this size is the last one: for an exact pose, where the next step is about
+#: its square, and for one that is only approached, by steps that become shorter slowly.
 _LAST = 1e-9
 _LAST_NEARBY = 1e-5
 #: Weight of the closures where a pose is only approached.

@@ -7,7 +7,8 @@ from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError
 from ..model.mechanism import Mechanism
 
-#: Joints at a smaller distance from a limit are at the limit, [rad] or lengths of the loop.
+#: Joints at a smaller distance from a limit are at the limit, [rad] or lengths of the loop: a joint
+#: that is set to its limit differs from it by some roundings.
 _AT_LIMIT = 1e-12
 
 

@@ -16,7 +16,7 @@ from .loops import Loops
 from .ranks import scaled_Phi
 
 #: Coordinates move no mass where their inertia is less than this part of the largest that their
-#: bodies could have.
+#: bodies could have. About its axis, a wire of 1 m with a diameter of 0.1 mm has more.
 _NO_MASS = 1e-8
 
 

@@ -18,7 +18,8 @@ from .line_kinematics import LineKinematics
 from .loops import Loops
 from .ranks import condition_number, free_motions, independent_rows, scaled_Phi
 
-#: Rates with a smaller part in motions that no motor holds are at rest.
+#: Rates with a smaller part in motions that no motor holds are at rest. Rounding turns these
+#: motions by up to 1e-9, the rounding of numbers divided by `RESTS`.
 _LOOSE = 1e-6
 
 

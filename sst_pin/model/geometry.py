@@ -27,7 +27,8 @@ from .tree import frame_named
 
 #: Displacements of a place: along x, y, z and about them.
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-#: Ends of a link coincide if their distance, relative to the link's length, is not larger.
+#: Ends of a link coincide if their distance, relative to the link's length, is not larger. Rounding
+#: is smaller, and points that files keep apart differ by more.
 _SAME_POINT = 1e-9
 #: Displacements of places by their names.
 Displacements = dict[str, Array]

@@ -15,7 +15,7 @@ from ..arrays import Array
 from .closures import Constraint, Distance, Rolling, frames_of, holds_points
 from .tree import frame_named
 
-#: Offsets that are smaller, relative to the bodies, are rounding of zero.
+#: Offsets that are smaller, relative to the bodies, are rounding of zero in files with six digits.
 _SMALL = 1e-6
 
 

@@ -19,7 +19,8 @@ RANK_TOLERANCE = 1e-8
 #: Rates and motors that move less than this part of a motion are at rest. It is ten times the
 #: inverse of the largest condition number.
 RESTS = 1e-7
-#: A rate depends on the rates already chosen if a smaller part of its motion is independent.
+#: A rate depends on the rates already chosen if a smaller part of its motion is independent: as
+#: coordinates they would have a condition number above 1e4.
 INDEPENDENT = 1e-4
 #: Constraints with a larger condition number are singular: half of the sixteen digits are lost.
 MAX_CONDITION_NUMBER = 1e8
@@ -35,7 +36,8 @@ WITHOUT_MASS = 1e-20
 #: A component of a reaction is unique if inner stresses of size one change it by less, free of
 #: units. Loops that are open by their tolerance change it by about that.
 UNIQUE = 1e-5
-#: Lines that are shorter than this part of the robot's length have no direction.
+#: Lines that are shorter than this part of the robot's length have no direction: positions have
+#: fifteen digits of this length, so that less than six are left.
 LEAST_LENGTH = 1e-9
 #: A contact, rope or stop whose rate is smaller than this part of the coordinates' rates, free of
 #: units, is held by the loops: its rate is rounding, which is at most 1e-12.
