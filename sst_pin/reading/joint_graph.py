@@ -16,12 +16,11 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from .joint_numbers import FAR
 from .tool_elements import SPRINGS
 
 #: Name of the base, as in an SDF.
 WORLD = "world"
-#: Limits beyond this position are ignored, [rad] or [m]: SDF files have 1e16 for "no limit".
-_WIDE = 1e9
 #: Smaller distances and angles between a link and its joint are rounding of the poses, [m], [rad].
 _ROUNDING = 1e-13
 #: Largest cosine of the angle between two axes that count as orthogonal.
@@ -294,13 +293,13 @@ def _add_numbers(element: ET.Element, axis: Axis, *, may_be_continuous: bool) ->
     """
     lower = axis.limit["lower"]
     upper = axis.limit["upper"]
-    is_unlimited = lower <= -_WIDE and upper >= _WIDE
+    is_unlimited = lower <= -FAR and upper >= FAR
     if may_be_continuous and element.get("type") == "revolute" and is_unlimited:
         element.set("type", "continuous")
-    limit = {"lower": max(lower, -_WIDE), "upper": min(upper, _WIDE)}
+    limit = {"lower": max(lower, -FAR), "upper": min(upper, FAR)}
     for key in ("effort", "velocity"):
         value = axis.limit.get(key, 0.0)
-        limit[key] = value if 0 < value < _WIDE else 0.0
+        limit[key] = value if 0 < value < FAR else 0.0
     ET.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
     friction = {
         key: repr(value) for key, value in axis.dynamics.items() if not key.startswith("spring")

@@ -17,6 +17,9 @@ from ..model.tree import joint_id
 JointNumbers = Mapping[str, Mapping[str, float]]
 #: Limits of joints with one position: of the position, of the motor's force, of the rate.
 LIMITS = ("lower", "upper", "effort", "velocity")
+#: Limits from here on are none, [rad], [m] and so on: files have such numbers, up to 1e16, for "no
+#: limit".
+FAR = 1e9
 
 
 def combined_numbers(

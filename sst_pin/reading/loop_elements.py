@@ -18,6 +18,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..model.closures import Coupling
 from .cut_joints import CutJoint, Side, cut_joint
+from .joint_numbers import FAR
 from .problems import (
     Problem,
     attribute,
@@ -253,10 +254,6 @@ def _weld(plugin: ET.Element, tree: _Tree, robot: str, index: int) -> CutJoint:
     return cut_joint(f"detachable_{index}", "fixed", side_a, side_b)
 
 
-#: Limits beyond this position are ignored, [rad] or [m]: tools write them for "no limit".
-_FAR = 1e9
-
-
 def _ignored_limits(element: ET.Element, name: str) -> Iterator[Problem]:
     """A warning if a joint that closes a loop has limits of its position."""
     texts = []
@@ -265,7 +262,7 @@ def _ignored_limits(element: ET.Element, name: str) -> Iterator[Problem]:
         texts.append(element.findtext(f"axis/limit/{key}", ""))
     for text in texts:
         position = numbers(text, 1)
-        if position is not None and 0 < abs(position[0]) < _FAR:
+        if position is not None and 0 < abs(position[0]) < FAR:
             where = f"{element.tag} {name}"
             yield warning(where, "limits of a joint that closes a loop are ignored")
             return

@@ -8,11 +8,9 @@ import numpy as np
 
 from ..model.checks import Motor, tendon_of
 from ..model.lines import LineForce
+from .joint_numbers import FAR
 from .mjcf_compiled import Compiled
 from .robot_file import naming
-
-#: Longer limits of tendons are ignored, [m].
-_FAR = 1e9
 
 
 def line_problem(compiled: Compiled, tendon: int) -> str:
@@ -86,7 +84,7 @@ def lines_of(
                 coulomb_friction=force.dry_friction,
                 mass=force.mass,
                 lower=max(lower, 0.0),
-                upper=upper if upper < _FAR else np.inf,
+                upper=upper if upper < FAR else np.inf,
                 effort=efforts.get(name, np.inf),
             )
 
