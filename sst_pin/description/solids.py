@@ -102,7 +102,7 @@ class Arc(NamedTuple):
             section = _circle(depth / 2)
         else:
             section = _rectangle(depth, width, _BEVEL * min(self.section))
-        angles = np.linspace(0, self.angle, int(np.ceil(self.angle / _STEP - 1e-9)) + 1)
+        angles = np.linspace(0, self.angle, _parts(self.angle, _STEP) + 1)
         # Cylindrical coordinates of the points of each section, in the axes of the arc.
         r = self.radius + section[:, 0]
         x = np.outer(np.cos(angles), r)
@@ -114,7 +114,7 @@ class Arc(NamedTuple):
 
     def pieces(self) -> Iterator[Primitive]:
         """Straight bars that enclose it."""
-        count = int(np.ceil(self.angle / _PIECE - 1e-9))
+        count = _parts(self.angle, _PIECE)
         half = self.angle / count / 2
         depth, width = self.section
         inner = (self.radius - depth / 2) * np.cos(half)
@@ -185,6 +185,12 @@ def axes_along(direction: Array) -> Array:
     x = np.cross(np.eye(3)[np.argmin(np.abs(z).round(6))], z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _parts(angle: float, largest: float) -> int:
+    """The least number of equal parts of an angle that are not larger than the largest."""
+    # A quotient that is a whole number but for rounding needs no part more.
+    return int(np.ceil(angle / largest - 1e-9))
 
 
 def _loops_along(heights: Array, sections: Sequence[Array], axes: Array) -> Array:

@@ -101,7 +101,7 @@ def measured_motion(
     period = 1 / cutoff
     count = whole_number("decimate", decimate, 1)
     per_period = 2 if count == 1 else count
-    if per_period * cutoff > log.rate * (1 + 1e-9):
+    if per_period * cutoff > log.rate * (1 + 1e-9):  # but for rounding of the times
         problem = f"{per_period} samples in a period of {cutoff:g} Hz"
         most = f"the log has {log.rate:.4g} in 1 s: at most {int(log.rate / cutoff)}"
         raise InputError("decimate", f"{problem}; {most}")

@@ -37,6 +37,8 @@ _LONGEST = 0.5
 #: its square, and for one that is only approached, by steps that become shorter slowly.
 _LAST = 1e-9
 _LAST_NEARBY = 1e-5
+#: Largest error of R R^T for a rotation R: six digits are enough.
+_NO_ROTATION = 1e-6
 #: Weight of the closures where a pose is only approached.
 _HEAVY = 1e4
 #: A step along the path aims at this part of the limit `CHANGE`.
@@ -341,7 +343,7 @@ def rotations(name: str, value: ArrayLike) -> Array:
     """Rotation matrices, shape (..., 3, 3)."""
     R = finite_array(name, value, (3, 3))
     gap = np.abs(R @ R.mT - np.eye(3)).max(initial=0.0)
-    if gap > 1e-6 or (np.linalg.det(R) < 0).any():
+    if gap > _NO_ROTATION or (np.linalg.det(R) < 0).any():
         raise InputError(name, "not all are rotation matrices")
     return R
 

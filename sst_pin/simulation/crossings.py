@@ -186,6 +186,7 @@ def _singular_time(jacobian: _ConstraintJacobian, start: float, until: float) ->
 
         if signed_value(start) * signed_value(until) > 0:
             raise BranchError(f"{_UNDETERMINED}: the extrapolated motion does not cross it")
+        # As exactly as numbers allow: the step across is centred at this time.
         time = float(brentq(signed_value, start, until, xtol=1e-15, rtol=1e-14))
     return time
 

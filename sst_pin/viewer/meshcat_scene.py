@@ -160,5 +160,5 @@ def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]
         ("quaternion", "quaternion", Rotation.from_matrix(A / scale[:, None]).as_quat()),
         ("scale", "vector3", scale),
     ):
-        if (np.ptp(values, axis=0) > 1e-12).any():
+        if (np.ptp(values, axis=0) > 1e-12).any():  # less is rounding of numbers near one
             yield name, kind, values.tolist()
