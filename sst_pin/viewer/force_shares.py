@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, Flags
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, ClosureError, SingularConfigurationError
 from ..summaries import listed, three_digits
@@ -101,15 +101,23 @@ def reaction_forces(
         )
     not_unique = []
     for k, name in enumerate(w.names):
-        letters = [letter for letter, x in zip("xyz", is_unknown[k], strict=True) if x]
-        if not is_drawn[k]:
-            not_unique.append(name)
-        elif unknown_directions[k] == len(letters) > 0:
-            not_unique.append(f"{name} ({', '.join(letters)})")
-        elif unknown_directions[k] == 1:
-            not_unique.append(f"{name} (along one direction)")
-        elif unknown_directions[k] == 2:
-            not_unique.append(f"{name} (along two directions)")
+        if unknown_directions[k]:
+            not_unique.append(name + _directions(is_unknown[k], int(unknown_directions[k])))
     if not_unique:
         notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
     return ShownForces(forces / largest, curves, " ".join(notes))
+
+
+def _directions(is_unknown: Flags, count: int) -> str:
+    """The directions along which a force is not unique, in words; empty for all three.
+
+    Args:
+        is_unknown: Components x, y, z that are not unique, shape (3,).
+        count: Number of directions: fewer than the components if the axes are oblique to them.
+    """
+    if count == 3:
+        return ""
+    letters = [letter for letter, unknown in zip("xyz", is_unknown, strict=True) if unknown]
+    if count == len(letters):
+        return f" ({', '.join(letters)})"
+    return " (along one direction)" if count == 1 else " (along two directions)"
