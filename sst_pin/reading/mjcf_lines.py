@@ -58,7 +58,6 @@ def lines_of(
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
             continue
 
-        # What a line cannot have.
         shortest, longest = mj.tendon_lengthspring[tendon]
         problem = line_problem(compiled, tendon)
         if not problem and force.stiffness and shortest != longest:
@@ -66,27 +65,11 @@ def lines_of(
         if problem:
             compiled.problems.append(f"tendon {name}: {problem}")
             continue
-
-        # The line.
         lower = 0.0
         upper = np.inf
         if has_limits:
             lower, upper = mj.tendon_range[tendon]
-        site_a, site_b = mj.wrap_objid[compiled.wraps(tendon)]
-        with naming(compiled.source):
-            yield LineForce(
-                compiled.name("site", site_a),
-                compiled.name("site", site_b),
-                name=name,
-                stiffness=force.stiffness,
-                rest_length=shortest if force.stiffness else 0.0,
-                damping=force.damping,
-                coulomb_friction=force.dry_friction,
-                mass=force.mass,
-                lower=max(lower, 0.0),
-                upper=upper if upper < FAR else np.inf,
-                effort=efforts.get(name, np.inf),
-            )
+        yield _line(compiled, tendon, force, (lower, upper), efforts.get(name, np.inf))
 
 
 class _Force(NamedTuple):
@@ -111,3 +94,30 @@ def _force_of(compiled: Compiled, tendon: int) -> _Force:
     if not compiled.disabled("frictionloss"):
         dry_friction = mj.tendon_frictionloss[tendon]
     return _Force(stiffness, damping, dry_friction, compiled.tendon_armature[tendon])
+
+
+def _line(
+    compiled: Compiled,
+    tendon: int,
+    force: _Force,
+    limits: tuple[float, float],
+    effort: float,
+) -> LineForce:
+    """The line of a spatial tendon between two sites, with its least and largest length."""
+    mj = compiled.mj
+    lower, upper = limits
+    site_a, site_b = mj.wrap_objid[compiled.wraps(tendon)]
+    with naming(compiled.source):
+        return LineForce(
+            compiled.name("site", site_a),
+            compiled.name("site", site_b),
+            name=compiled.name("tendon", tendon),
+            stiffness=force.stiffness,
+            rest_length=mj.tendon_lengthspring[tendon, 0] if force.stiffness else 0.0,
+            damping=force.damping,
+            coulomb_friction=force.dry_friction,
+            mass=force.mass,
+            lower=max(lower, 0.0),
+            upper=upper if upper < FAR else np.inf,
+            effort=effort,
+        )
