@@ -5,6 +5,7 @@ import argparse
 import threading
 import webbrowser
 from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -90,15 +91,7 @@ def show(arguments: argparse.Namespace) -> int:
 
     robot, motion, default_speed, title = _scene(arguments)
 
-    # Files to write, and a second motion.
-    outputs = []
-    for kind in ("html", "png", "gif"):
-        path = vars(arguments)[kind]
-        if path is None:
-            continue
-        if path.suffix.lower() != f".{kind}":
-            raise OutputError(path, f"the ending should be .{kind}")
-        outputs.append(path)
+    outputs = _outputs(arguments)
     ghost = None
     if arguments.ghost is not None:
         if motion is None:
@@ -135,6 +128,19 @@ def show(arguments: argparse.Namespace) -> int:
             with suppress(KeyboardInterrupt):
                 threading.Event().wait()
     return 0
+
+
+def _outputs(arguments: argparse.Namespace) -> list[Path]:
+    """The files that the options name; a wrong ending is refused."""
+    outputs = []
+    for kind in ("html", "png", "gif"):
+        path = vars(arguments)[kind]
+        if path is None:
+            continue
+        if path.suffix.lower() != f".{kind}":
+            raise OutputError(path, f"the ending should be .{kind}")
+        outputs.append(path)
+    return outputs
 
 
 class _Scene(NamedTuple):
