@@ -10,6 +10,7 @@ own step, so that one group that cannot be closed does not keep the others open.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -108,15 +109,16 @@ class Assembly:
         return q
 
     def closed(self, q: Array) -> Array:
-        """The closed configuration near q with the coordinates fixed.
+        """The closed configuration near q with the coordinates fixed, as `holding_brakes`."""
+        return self.holding_brakes(self.mechanism.dependent, lambda free: self.assemble(q, free))
 
-        Brakes hold their joints if the loops can be closed so.
-        """
-        mechanism = self.mechanism
-        if len(mechanism.braked):
+    def holding_brakes(self, free: Indices, close: Callable[[Indices], Array]) -> Array:
+        """A configuration by `close(free)`; brakes hold their joints if the loops close so."""
+        braked = self.mechanism.braked
+        if len(braked):
             with suppress(ClosureError):
-                return self.assemble(q, np.setdiff1d(mechanism.dependent, mechanism.braked))
-        return self.assemble(q, mechanism.dependent)
+                return close(np.setdiff1d(free, braked))
+        return close(free)
 
     def near(self, q: Array, fixed: Indices) -> Array:
         """A configuration with closed loops near q; the rates `fixed` are held if possible."""

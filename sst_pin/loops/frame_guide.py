@@ -329,13 +329,10 @@ def frame_configurations(
     size = (mechanism.model.nq,)
     q = finite_array("start", start, size)
 
-    def closed(q: Array) -> Array:
-        return assembly.assemble(q, mechanism.dependent)
-
     def led(q: Array, p: Array | None, R: Array | None) -> Array:
         return guide.lead(q, pose_of(p, R))
 
-    q = for_each_sample(closed, [q], (1,), size)
+    q = for_each_sample(assembly.closed, [q], (1,), size)
     return for_each_sample(led, [q, p, R], (1, 1, 2), size)
 
 

@@ -101,6 +101,7 @@ def assemble(
     model = mechanism.model
     space = mechanism.space
     has_options = tries > 1 or limits
+    brakes_hold = fixed is None
     if isinstance(q, Mapping):
         names_only_coordinates = set(q) <= set(mechanism.coordinate_names)
         if names_only_coordinates and fixed is None and not has_options:
@@ -123,7 +124,12 @@ def assemble(
         start = space.normalised(single_array("q", guess, (model.nq,)))
         if not has_options and np.array_equal(free, mechanism.dependent):
             return closer.closed(start)
-        return closer.loops.assembly.try_starts(start, free, tries, seed, limits=limits)
+        assembly = closer.loops.assembly
+
+        def closed(free: Indices) -> Array:
+            return assembly.try_starts(start, free, tries, seed, limits=limits)
+
+        return assembly.holding_brakes(free, closed) if brakes_hold else closed(free)
 
     if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
         return for_each_sample(one, [guess], (1,), (model.nq,))
@@ -223,7 +229,8 @@ def _assembled(closer: Closer, start: Array, positions: Mapping[str, float]) -> 
     """The assembly nearest to the start in which joints are at positions, or near these."""
     guess = with_positions(closer.loops.mechanism.space, start, positions)
     others = _other_rates(closer.loops.mechanism, positions)
-    return closer.closed(closer.loops.assembly.closer(guess, others))
+    assembly = closer.loops.assembly
+    return assembly.holding_brakes(others, lambda free: closer.closed(assembly.closer(guess, free)))
 
 
 def _other_rates(mechanism: Mechanism, joints: Iterable[str]) -> Indices:

@@ -5,8 +5,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import ClosedChain, Distance, LineForce, robots
+from sst_pin import ClosedChain, Distance, LineForce, coordinate_motion, robots
 from sst_pin.errors import DescriptionError, InputError, UnknownNameError
+from sst_pin.loops.start import placed
 from tests.support.files import ROOT
 
 #: Rounding of torques of 1 N m that sums of a hundred products leave.
@@ -351,6 +352,27 @@ def test_closing_the_loops_keeps_braked_joints_where_they_are():
     # Two brakes at positions that contradict each other give way.
     both = chain.with_brakes(["crank", "rocker"]).assemble(guess)
     assert np.abs(chain.residual(both)).max() < 1e-10
+
+
+def test_whatever_closes_open_loops_keeps_braked_joints_where_they_are():
+    """By positions of joints, from several starts, for a frame, and at the start of a motion."""
+    chain = robots.planar_3rrr().with_brakes(["shoulder_1"])
+    names = list(chain.position_names)
+    start = chain.home + np.linspace(-0.1, 0.1, len(names))
+    braked = start[names.index("shoulder_1")]
+    coordinates = {name: start[names.index(name)] for name in chain.coordinates}
+    p, _ = chain.frame_placement(chain.home, "platform")
+    for q in (
+        placed(chain.engine, coordinates, start),
+        chain.assemble(start, tries=3),
+        chain.frame_configuration("platform", p + np.array([0.001, 0.002, 0]), start=start),
+        coordinate_motion(chain, [0, 1, 2], [[*coordinates.values()]] * 3, start=start).q[0],
+    ):
+        assert np.abs(chain.residual(q)).max() < 1e-12
+        assert q[names.index("shoulder_1")] == braked
+    home = dict(zip(names, chain.home, strict=True))
+    q = chain.assemble({"shoulder_2": home["shoulder_2"] + 0.05, "elbow_2": home["elbow_2"]})
+    assert q[names.index("shoulder_1")] == home["shoulder_1"]
 
 
 def test_the_regressor_of_a_held_robot_has_a_column_for_each_parameter_and_no_row():
