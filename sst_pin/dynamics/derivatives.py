@@ -28,7 +28,6 @@ from ..loops.row_derivatives import (
 from ..loops.vectors import brackets, cross, skew
 from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
-from ..model.weight_shares import WeightShares
 from .dynamics import Context, applied_forces, direct_dynamics
 
 
@@ -153,26 +152,12 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     return _Load(joints, frames, w, w_q)
 
 
-def _lifts(tree: TreeMotion, loops: Loops, weight_shares: WeightShares) -> _Load:
-    """Forces that carry what bodies do not have of their weight, as a load."""
-    lifted = weight_shares.lifted(loops.model)
-    joints = [loops.tree.bodies[1 + body] for body in lifted]
-    frames = tree.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
-    # A placement M takes the first moment m c and the mass m to those about the world's origin:
-    # M [m c; m] = [m (R c + p); m].
-    masses, *moments = np.transpose(list(lifted.values()))
-    moments_and_masses = np.transpose([*moments, masses])
-    at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
-    at_origin_q = np.einsum("qkij,kj->kiq", frames.M_q[..., :3, :], moments_and_masses)
-    g = loops.model.gravity.linear
-    w = np.hstack((-np.outer(masses, g), cross(g, at_origin)))
-    w_q = np.zeros_like(frames.J)
-    w_q[:, 3:] = skew(g) @ at_origin_q
-    return _Load(joints, frames, w, w_q)
-
-
 def _turning_along(twists: Array, w: Array) -> Array:
-    """Derivatives of wrenches, shape (k, 6), that move with the twists, shape (k, 6, nv)."""
+    """Derivatives of wrenches w, shape (k, 6), that are fixed to bodies, shape (k, 6, nv).
+
+    A body with the twist [v; omega] takes [force; moment] along, which changes by
+    [omega x force; omega x moment + v x force].
+    """
     force = -skew(w[:, :3])
     moment = -skew(w[:, 3:])
     linear = twists[:, :3]
@@ -194,30 +179,84 @@ class _TreePartials(NamedTuple):
     M: Array
 
 
-def _with_lines(
-    of_tree: _TreePartials,
-    of_lines: Partials,
-    J: Array,
-    stiffness: Array,
-    damping: Array,
-    masses: Array,
-) -> _TreePartials:
-    """The derivatives with the tensions of lines, with constant directions of the lines.
+class _LinePartials(NamedTuple):
+    """The tensions of lines and their derivatives, where q, v and v_dot are independent.
 
-    J are the rates of their lengths, shape (lines, nv). The tensions change with the lengths by
-    `stiffness`, with their rates by `damping`, and with their second derivatives by `masses`, each
-    of shape (lines,).
+    Attributes:
+        rows: Derivatives of the lengths' rates and second derivatives.
+        J: The rates of the lengths are J v, shape (lines, nv).
+        tensions: Shape (lines,).
+        stiffness: Derivatives of the tensions by the lengths, shape (lines,).
+        damping: By the rates of the lengths, shape (lines,).
+        masses: By their second derivatives, shape (lines,).
     """
+
+    rows: Partials
+    J: Array
+    tensions: Array
+    stiffness: Array
+    damping: Array
+    masses: Array
+
+
+def _line_partials(
+    context: Context, friction: Friction, q: Array, tau: Array, tree: TreeMotion
+) -> _LinePartials:
+    """The lines' tensions and their derivatives at q, with motor torques tau."""
+    lines = context.mechanism.lines
+    v = tree.v
+    lengths, J = context.lines.evaluate(q)
+    rates = J.dot(v)
+    tensions = lines.tensions(lengths, rates, friction.sign_width, tau)
+    tensions = tensions + context.lines.inertial_tensions(q, v, tree.v_dot)
+    taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
+    damping = lines.damping * taut
+    if lines.coulomb.any():
+        damping = damping + lines.coulomb * sign_slope(rates, friction.sign_width)
+    return _LinePartials(
+        rows=partials(context.lines.loops, q, tree),
+        J=J,
+        tensions=tensions,
+        stiffness=lines.stiffness * taut,
+        damping=damping,
+        masses=lines.masses,
+    )
+
+
+def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
+    """The derivatives with those of the tensions; the lines keep their directions here."""
     by_q, by_v, M = of_tree
-    per_length = J.T * stiffness
-    per_rate = J.T * damping
-    per_acceleration = J.T * masses
-    by_q = by_q + per_length.dot(J)
-    by_q += per_rate.dot(of_lines.velocity_q)
-    by_q += per_acceleration.dot(of_lines.acceleration_q)
-    by_v = by_v + per_rate.dot(J)
-    by_v += per_acceleration.dot(of_lines.acceleration_v)
-    return _TreePartials(by_q, by_v, M + per_acceleration.dot(J))
+    per_length = lines.J.T * lines.stiffness
+    per_rate = lines.J.T * lines.damping
+    per_acceleration = lines.J.T * lines.masses
+    by_q = by_q + per_length.dot(lines.J)
+    by_q += per_rate.dot(lines.rows.velocity_q)
+    by_q += per_acceleration.dot(lines.rows.acceleration_q)
+    by_v = by_v + per_rate.dot(lines.J)
+    by_v += per_acceleration.dot(lines.rows.acceleration_v)
+    return _TreePartials(by_q, by_v, M + per_acceleration.dot(lines.J))
+
+
+def _along_coordinates(
+    of_tree: _TreePartials, rows: Partials, L: Array, G: Array
+) -> _ForceDerivatives:
+    """The chain rule: derivatives of L^T (forces on the tree), with constant L.
+
+    G is the inverse of Phi: Phi G x = x, with coordinates at rest.
+    """
+    # How v and v_dot follow the coordinates: Phi v = 0 and Phi v_dot + Phi_dot v = 0.
+    v_q = -G.dot(rows.velocity_q.dot(L))
+    v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
+    v_dot_va = -G.dot(rows.acceleration_v.dot(L))
+
+    force_q, force_v, M = of_tree
+    inertia = L.T.dot(M).dot(L)
+    return _ForceDerivatives(
+        by_q=L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q)),
+        by_va=L.T.dot(force_v.dot(L) + M.dot(v_dot_va)),
+        inertia=(inertia + inertia.T) / 2,
+        L=L,
+    )
 
 
 class Derivatives:
@@ -304,60 +343,34 @@ class Derivatives:
         """
         context = self._context
         mechanism = self._mechanism
-        lines = mechanism.lines
         v, v_dot = context.complement.motion(q, va, aa)  # evaluates L, G and the loops at q
         L = context.complement.L
-        G = context.complement.inverse  # rates G x solve Phi G x = x, coordinates at rest
+        G = context.complement.inverse
         tree = TreeMotion(context.loops, v, v_dot)
         rows = partials(context.loops, q, tree)
-
-        # Loads on the bodies.
         force = context.tree_forces(v, v_dot)
         force -= applied_forces(context, friction, q, v, wrenches, tau)
         reactions = G.T.dot(force)  # lambda
+
+        # Loads on the bodies: of closures, of lines, and external wrenches.
         loads = [_on_frames(closure, reactions) for closure in rows.closures]
-        of_lines: Partials | None = None
-        if not lines.none:
-            lengths, J = context.lines.evaluate(q)
-            of_lines = partials(context.lines.loops, q, tree)
-            tensions = lines.tensions(lengths, J.dot(v), friction.sign_width, tau)
-            tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
-            loads += [_on_frames(line, -tensions) for line in of_lines.closures]
+        of_lines: _LinePartials | None = None
+        if not mechanism.lines.none:
+            of_lines = _line_partials(context, friction, q, tau, tree)
+            loads += [_on_frames(line, -of_lines.tensions) for line in of_lines.rows.closures]
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
-        if mechanism.weight_shares is not None:
-            loads.append(_lifts(tree, context.loops, mechanism.weight_shares))
 
-        # Partial derivatives of the forces on the tree.
+        # Partial derivatives of F - Phi^T lambda.
         of_tree = self._tree_forces(v, v_dot, loads)
         for joint in rows.couplings:  # they act on no frame
             of_tree.by_q[joint.rate, joint.rate] -= reactions[joint.row] * joint.second
         if of_lines is not None:
-            taut = lines.taut(lengths, J.dot(v))  # 0 for slack cables, else 1
-            damping = lines.damping * taut
-            if lines.coulomb.any():
-                damping = damping + lines.coulomb * sign_slope(J.dot(v), friction.sign_width)
-            of_tree = _with_lines(
-                of_tree, of_lines, J, lines.stiffness * taut, damping, lines.masses
-            )
-        force_q, force_v, M = of_tree
-        force_v += np.diag(-friction.slopes(v))
+            of_tree = _with_lines(of_tree, of_lines)
+        of_tree.by_v[...] -= np.diag(friction.slopes(v))
         if not mechanism.springs.none:
-            force_q -= mechanism.springs.slopes(mechanism.model, q)
-
-        # How v and v_dot follow the coordinates: Phi v = 0 and Phi v_dot + Phi_dot v = 0.
-        v_q = -G.dot(rows.velocity_q.dot(L))
-        v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
-        v_dot_va = -G.dot(rows.acceleration_v.dot(L))
-
-        # The chain rule.
-        inertia = L.T.dot(M).dot(L)
-        return _ForceDerivatives(
-            by_q=L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q)),
-            by_va=L.T.dot(force_v.dot(L) + M.dot(v_dot_va)),
-            inertia=(inertia + inertia.T) / 2,
-            L=L,
-        )
+            of_tree.by_q[...] -= mechanism.springs.slopes(mechanism.model, q)
+        return _along_coordinates(of_tree, rows, L, G)
 
     def _tree_forces(self, v: Array, v_dot: Array, loads: list[_Load]) -> _TreePartials:
         """Derivatives of RNEA minus the forces of the loads.
