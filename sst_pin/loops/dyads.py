@@ -37,6 +37,71 @@ def dyad_configurations(
 
     `rates` are those of the two joints. The positions of these joints in q do not matter.
     """
+    dyad = _dyad(loops, closure, rates, q)
+    if dyad is None:
+        return None
+    moves = dyad.closing_moves()
+    if moves is None:
+        return None
+    configurations = list[Array]()
+    for move in moves:
+        configuration = q.copy()
+        configuration[dyad.entry_of_hinge] += move.of_hinge
+        configuration[dyad.entry_of_other] += move.of_other
+        configurations.append(configuration)
+    return configurations
+
+
+class _Moves(NamedTuple):
+    """Changes of the positions of the hinge, [rad], and of the other joint, [rad] or [m]."""
+
+    of_hinge: float
+    of_other: float
+
+
+class _Dyad(NamedTuple):
+    """A loop that a hinge and another joint close; the text of the module says how.
+
+    Attributes:
+        entry_of_hinge: Index of the position of the hinge in q.
+        entry_of_other: Index of that of the other joint.
+        r: The point that the hinge turns, relative to its centre h.
+        s: The point on the other frame, relative to h.
+        other_moves_r: Whether the other joint moves r relative to h; else it moves s.
+        other_motion: How it moves this point.
+        sense: 1 if the point moves in the positive sense of the other joint, else -1.
+    """
+
+    entry_of_hinge: int
+    entry_of_other: int
+    r: complex
+    s: complex
+    other_moves_r: bool
+    other_motion: _Turn | _Shift
+    sense: float
+
+    def closing_moves(self) -> list[_Moves] | None:
+        """Moves that close the loop: |r| = |s|, then the hinge turns r to s; None if no dyad."""
+        r = self.r
+        s = self.s
+        if self.other_moves_r:
+            solutions = self.other_motion.to_distance(r, abs(s))
+        else:
+            solutions = self.other_motion.to_distance(s, abs(r))
+        if solutions is None:
+            return None
+        moves: list[_Moves] = []
+        for solution in solutions:
+            if self.other_moves_r:
+                turn = np.angle(s / solution.point)
+            else:
+                turn = np.angle(solution.point / r)
+            moves.append(_Moves(of_hinge=turn, of_other=self.sense * solution.move))
+        return moves
+
+
+def _dyad(loops: Loops, closure: Constraint, rates: Indices, q: Array) -> _Dyad | None:
+    """The dyad of two joints with these rates, or None."""
     model = loops.model
     tree = loops.tree
     if not isinstance(closure, Closure) or not holds_points(closure):
@@ -56,20 +121,13 @@ def dyad_configurations(
     # The two joints are numbered 0 and 1 in the order of the tree.
     hinge = 0 if angular[0].any() else 1
     other = 1 - hinge
+    h = _centre(plane, twists[hinge])
     frame_a = frame_id(model, closure.frame_a)
     frame_b = frame_id(model, closure.frame_b)
-    moves_b = tree.supports[tree.model.frames[frame_b].parentJoint] @ tree.S > 0
-    hinge_moves_b = moves_b[rates[hinge]]
-    other_moves_b = moves_b[rates[other]]
-    is_on_same_side = hinge_moves_b == other_moves_b
-    is_after_hinge = is_on_same_side and other > hinge
-    is_before_hinge = is_on_same_side and other < hinge
-
-    # The points, relative to h. An axis through the point p with the direction n has the twist
-    # [p x n; n], and n x (p x n) is the point of the axis nearest to the origin.
-    h = _in_plane(plane, np.cross(angular[hinge], linear[hinge]))
     point_a = _in_plane(plane, loops.data.oMf[frame_a].translation) - h
     point_b = _in_plane(plane, loops.data.oMf[frame_b].translation) - h
+    moves_b = tree.supports[tree.model.frames[frame_b].parentJoint] @ tree.S > 0
+    hinge_moves_b = moves_b[rates[hinge]]
     if hinge_moves_b:
         r = point_b
         s = point_a
@@ -79,30 +137,33 @@ def dyad_configurations(
 
     other_motion: _Turn | _Shift
     if angular[other].any():
-        centre = _in_plane(plane, np.cross(angular[other], linear[other])) - h
+        other_motion = _Turn(_centre(plane, twists[other]) - h)
         # The axes may be opposite: then the other hinge turns in the negative sense.
         sense = float(angular[hinge] @ angular[other])
-        other_motion = _Turn(centre)
     else:
-        sense = 1.0
         other_motion = _Shift(_in_plane(plane, linear[other]))
-    if is_before_hinge:
-        sense = -sense
+        sense = 1.0
+    is_on_same_side = hinge_moves_b == moves_b[rates[other]]
+    if is_on_same_side and other < hinge:
+        sense = -sense  # it moves h and r; relative to h, s moves in the opposite way
+    return _Dyad(
+        entry_of_hinge=joints[hinge].idx_q,
+        entry_of_other=joints[other].idx_q,
+        r=r,
+        s=s,
+        other_moves_r=bool(is_on_same_side and other > hinge),
+        other_motion=other_motion,
+        sense=sense,
+    )
 
-    point = r if is_after_hinge else s  # which the other joint moves
-    distance = abs(s) if is_after_hinge else abs(r)  # which it must reach from h
-    solutions = other_motion.to_distance(point, distance)
-    if solutions is None:
-        return None
-    configurations = list[Array]()
-    for solution in solutions:
-        r_reached = solution.point if is_after_hinge else r
-        s_reached = s if is_after_hinge else solution.point
-        configuration = q.copy()
-        configuration[joints[hinge].idx_q] += np.angle(s_reached / r_reached)
-        configuration[joints[other].idx_q] += sense * solution.move
-        configurations.append(configuration)
-    return configurations
+
+def _centre(plane: Array, twist: Array) -> complex:
+    """Where the axis of a hinge with this twist meets the plane.
+
+    An axis through the point p with the direction n has the twist [p x n; n], and n x (p x n) is
+    the point of the axis nearest to the origin.
+    """
+    return _in_plane(plane, np.cross(twist[3:], twist[:3]))
 
 
 def _plane(linear: Array, angular: Array) -> Array | None:
