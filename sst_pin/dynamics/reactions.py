@@ -248,8 +248,6 @@ def _rigid_wrenches(
 ) -> _RigidWrenches:
     """Wrenches for one choice of the multipliers, or with the least elastic energy."""
     mechanism = context.mechanism
-    tree = context.tree
-    data = context.data
 
     # The forces Phi^T lambda = needed that closures must give to the tree.
     v, v_dot = context.complement.motion(q, va, aa)
@@ -260,30 +258,12 @@ def _rigid_wrenches(
         needed -= mechanism.actuation.dot(tau)
     multipliers, null_space = _multipliers(context, needed)
 
-    # All loads on the bodies, at the world's origin. Lines act as closures of one row each: a
-    # tension is minus its multiplier.
+    # Joints have their wrenches without closures, plus those of lambda. Closures have those of
+    # lambda only. The inner stresses N change both.
     loads = _loads(context, wrenches)
     if not mechanism.lines.none:
-        lengths, J = context.lines.evaluate(q)
-        tensions = mechanism.lines.tensions(lengths, J.dot(v), mechanism.friction.sign_width, tau)
-        tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
-        loads += context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
-
-    # The wrenches in the joints of the tree if there were no closures.
-    forces = map(pin.Force, loads)
-    local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
-    if mechanism.weight_shares is not None:
-        local = [load + lift for load, lift in zip(local, context.lifts(), strict=True)]
-    S = tree.S
-    pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
-    without_closures = np.array([data.f[j].vector for j in tree.bodies[1:]])
-
-    # Without closures the joints of the base give all that the ground gives, through joints and
-    # closures. What lines give to the ground acts on it directly.
-    on_ground = np.array([data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]])
-    ground = on_ground.sum(axis=0) - loads[0]
-
-    # The wrenches of lambda, and those of the inner stresses N.
+        loads += _loads_of_lines(context, q, v, v_dot, tau)
+    without_closures, ground = _without_closures(context, v, v_dot, loads)
     columns = _wrenches(context, np.column_stack([multipliers, null_space]))
     values = columns[..., 0]
     values[: len(without_closures)] += without_closures
@@ -318,6 +298,40 @@ def _loads(context: Context, wrenches: Array | None) -> Array:
         at_origin = moment + np.cross(mass_centers(context.loops), force)
         loads[context.tree.bodies[1:]] = np.hstack([force, at_origin])
     return loads
+
+
+def _loads_of_lines(context: Context, q: Array, v: Array, v_dot: Array, tau: Array) -> Array:
+    """What lines give to the joints of the normal tree, as `_loads`.
+
+    Lines act as closures of one row each: a tension is minus its multiplier.
+    """
+    mechanism = context.mechanism
+    lengths, J = context.lines.evaluate(q)
+    tensions = mechanism.lines.tensions(lengths, J.dot(v), mechanism.friction.sign_width, tau)
+    tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
+    return context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
+
+
+def _without_closures(
+    context: Context, v: Array, v_dot: Array, loads: Array
+) -> tuple[Array, Array]:
+    """Wrenches in the joints of the tree if there were no closures, and that of the ground.
+
+    Shapes (r, 6), in the axes of the joints, and (6,), at the origin of the base. The motion and
+    the loads determine what the ground gives in all. Without closures the joints of the base give
+    it; with closures, both do.
+    """
+    tree = context.tree
+    data = context.data
+    S = tree.S
+    forces = map(pin.Force, loads)
+    local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
+    pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
+    in_joints = np.array([data.f[j].vector for j in tree.bodies[1:]])
+
+    # What lines give to the ground acts on it directly.
+    on_ground = np.array([data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]])
+    return in_joints, on_ground.sum(axis=0) - loads[0]
 
 
 def _wrenches(context: Context, Lambda: Array) -> Array:
@@ -359,14 +373,22 @@ def _turns(context: Context, axes: Array) -> Array:
     """
     tree = context.tree
     data = context.data
-    turns = [np.kron(np.eye(2), axes.T @ data.oMi[j].rotation) for j in tree.bodies[1:]]
+    turns = [_turn_of_wrenches(axes.T @ data.oMi[j].rotation) for j in tree.bodies[1:]]
     for closure in context.mechanism.closures:
         if isinstance(closure, Coupling | Brake):
             turns.append(np.eye(6))
         else:
             frame_b = data.oMf[frame_id(tree.model, frames_of(closure)[1])]
-            turns.append(np.kron(np.eye(2), axes.T @ frame_b.rotation))
+            turns.append(_turn_of_wrenches(axes.T @ frame_b.rotation))
     return np.array(turns).reshape(-1, 6, 6)
+
+
+def _turn_of_wrenches(R: Array) -> Array:
+    """The matrix that rotates the force and the moment of a wrench by R, shape (6, 6)."""
+    turn = np.zeros((6, 6))
+    turn[:3, :3] = R
+    turn[3:, 3:] = R
+    return turn
 
 
 def axes_of(axes: ArrayLike) -> Array:
