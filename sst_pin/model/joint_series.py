@@ -24,6 +24,11 @@ _SINGLES: dict[str, Sequence[Any]] = {
     "JointModelPlanar": (*SLIDES[:2], TURNS[2]),
     "JointModelSphericalZYX": TURNS[::-1],
 }
+#: The rates of the rotation for which q has a quaternion.
+_BALL_RATES: dict[str, Sequence[int]] = {
+    "JointModelFreeFlyer": (3, 4, 5),
+    "JointModelSpherical": (0, 1, 2),
+}
 
 
 class Part(NamedTuple):
@@ -100,16 +105,9 @@ class PartlyLocked(Series):
         suffixes = kind_of(joint).v
         models = _single_joints(joint)  # one for each rate, in the order of the rates
 
-        # The rates of a ball or a free-flyer for which q has a quaternion; locked ones come last.
-        if kind == "JointModelFreeFlyer":
-            ball_rates = [3, 4, 5]
-        elif kind == "JointModelSpherical":
-            ball_rates = [0, 1, 2]
-        else:
-            ball_rates = []
-        turns = [k for k in ball_rates if k not in locked]
-        turns += [k for k in ball_rates if k in locked]
-        stays_ball = bool(turns) and locked.keys().isdisjoint(turns)
+        ball_rates = _BALL_RATES.get(kind, ())
+        turns = sorted(ball_rates, key=lambda k: k in locked)  # free ones first, else in order
+        stays_ball = bool(turns) and not any(k in locked for k in turns)
         #: Axes of the turns in their order, 0 for x; empty if q has no quaternion.
         self._turn_axes = [ball_rates.index(k) for k in turns]
         #: The axis of each of these rates.
