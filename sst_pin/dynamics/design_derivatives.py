@@ -325,21 +325,12 @@ class Design:
         # Columns of the large L: along the coordinates, then along each leader.
         L, leader_motions = np.split(context.complement.L, [n], axis=1)
 
-        # Derivatives of L and of A = L^T B along each leader.
-        B = context.actuation(x)
-        lines = context.mechanism.lines
-        by_L = np.zeros((len(directions), *L.shape))
-        by_A = np.zeros((len(directions), n, len(tau)))
-        for k, motion in enumerate(leader_motions.T):
-            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(motion))[:, :n]
-            by_A[k] = by_L[k].T @ B
-            if lines.actuation.any():
-                by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ lines.actuation
-
+        by_L = self._complement_derivatives(context, leader_motions, n)
         by_torques = self._force_derivatives(q, x, va, aa, wrenches, at_frames, sign_width)
         if not self._small.mechanism.driven_one_to_one:
-            by_A_of_names = np.tensordot(by_A, directions, (0, 0))
-            by_torques = _least(by_torques, L.T @ B, by_A_of_names, tau)
+            A = L.T @ context.actuation(x)
+            by_A = self._actuation_derivatives(context, x, L, leader_motions, by_L)
+            by_torques = _least(by_torques, A, np.tensordot(by_A, directions, (0, 0)), tau)
         by_pose = np.zeros((0, len(self.names)))
         if frame is not None:
             index = frame_id(context.mechanism.model, frame)
@@ -351,6 +342,30 @@ class Design:
             L=np.tensordot(by_L[:, self._v], directions, (0, 0)),
             pose=by_pose,
         )
+
+    def _complement_derivatives(self, context: Context, leader_motions: Array, n: int) -> Array:
+        """Derivatives of L along each leader, shape (leaders, large nv, n).
+
+        They are the rates of L in the motions of the leaders, shape (large nv, leaders).
+        """
+        by_L = np.zeros((leader_motions.shape[1], len(leader_motions), n))
+        for k, motion in enumerate(leader_motions.T):
+            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(motion))[:, :n]
+        return by_L
+
+    def _actuation_derivatives(
+        self, context: Context, x: Array, L: Array, leader_motions: Array, by_L: Array
+    ) -> Array:
+        """Derivatives of A = L^T B along each leader, shape (leaders, n, motors).
+
+        B changes where motors act on lines, whose directions change.
+        """
+        by_A = by_L.swapaxes(1, 2) @ context.actuation(x)
+        on_lines = context.mechanism.lines.actuation
+        if on_lines.any():
+            for k, motion in enumerate(leader_motions.T):
+                by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ on_lines
+        return by_A
 
     def _force_derivatives(
         self,
@@ -418,11 +433,19 @@ def _put(array: Array, at: Array, values: Array) -> Array:
 
 
 def _least(by_f: Array, A: Array, by_A: Array, tau: Array) -> Array:
-    """Derivatives of the least torques with A tau = f, shape (motors, names)."""
+    """Derivatives of the least torques with A tau = f, shape (motors, names).
+
+    With tau = A^+ f and A of full row rank (Golub and Pereyra 1973),
+
+        dtau = A^+ (df - dA tau) + (I - A^+ A) dA^T (A^+)^T tau.
+
+    The second part makes no motion: it keeps the preload at zero. It vanishes if A has no null
+    space.
+    """
     inverse = np.linalg.pinv(A)
-    result = inverse @ (by_f - np.einsum("imk,m->ik", by_A, tau))
+    for_motion = inverse @ (by_f - np.einsum("imk,m->ik", by_A, tau))
     preload = np.einsum("imk,i->mk", by_A, inverse.T @ tau)
-    return result + preload - inverse @ (A @ preload)
+    return for_motion + preload - inverse @ (A @ preload)
 
 
 def design_derivatives(
