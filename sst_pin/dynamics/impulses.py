@@ -99,23 +99,19 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
     and those that the impulses of the others violate. `start` is near the solution, shape (m,).
     """
     Y = np.linalg.solve(inertia, rows.J.T)  # M^-1 J^T
-    normals = np.flatnonzero(rows.kinds == NORMAL)
     one_sided = (rows.kinds == STOP) | (rows.kinds == NORMAL)
     is_dry = (rows.kinds == DRY) & (rows.bounds > 0)
-    # Impulses of the other rows change no rate.
-    moves = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance > 0
-    moves[normals - 1] = moves[normals]  # the sides of a contact
-    moves[normals - 2] = moves[normals]
+    # Impulses of the other rows change no rate: the diagonal of J M^-1 J^T is zero there.
+    diagonal = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance
+    moves = _of_whole_contacts(diagonal > 0, rows.kinds)
 
     acting = np.zeros(len(start), dtype=bool)
     x = np.zeros(len(start))
     rates = free
     residual = 0.0
-    while True:
+    while True:  # each round adds rows, so that there are at most m rounds
         w = rows.J @ rates + rows.bias
-        needed = is_dry | (one_sided & (w < 0))
-        needed[normals - 1] |= needed[normals]
-        needed[normals - 2] |= needed[normals]
+        needed = _of_whole_contacts(is_dry | (one_sided & (w < 0)), rows.kinds)
         added = needed & ~acting & moves
         if not added.any():
             return Impulses(rates, x, residual)
@@ -125,6 +121,15 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
         if np.isfinite(w).all():
             x[acting], residual = _solved(rows, Y, free, start, acting)
         rates = free + Y @ x
+
+
+def _of_whole_contacts(flags: Flags, kinds: Indices) -> Flags:
+    """The flags of rows, where both sides of a contact have the flag of its normal."""
+    flags = flags.copy()
+    normals = np.flatnonzero(kinds == NORMAL)
+    flags[normals - 1] = flags[normals]
+    flags[normals - 2] = flags[normals]
+    return flags
 
 
 def _solved(rows: Rows, Y: Array, free: Array, start: Array, acting: Flags) -> tuple[Array, float]:
