@@ -170,26 +170,21 @@ def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> list[Callabl
     Curves of several units, or more than fit into one pair of axes, are divided.
     """
     if subject == "torques":
-        return _divided(_torques(motion), lambda ax, names: motor_torques(ax, motion, names))
+        return _divided(_torques(motion), lambda names, ax: motor_torques(ax, motion, names))
     if subject == "joints":
-        return _divided(_positions(motion), lambda ax, names: joint_angles(ax, motion, names))
+        return _divided(_positions(motion), lambda names, ax: joint_angles(ax, motion, names))
     if subject == "rates":
         all_rates = _rates(robot, motion)
-        return _divided(all_rates, lambda ax, names: joint_rates(ax, robot, motion, names))
+        return _divided(all_rates, lambda names, ax: joint_rates(ax, robot, motion, names))
     if subject == "power":
-        return _divided(_powers(robot, motion), lambda ax, names: powers(ax, robot, motion, names))
+        return _divided(_powers(robot, motion), lambda names, ax: powers(ax, robot, motion, names))
     if subject == "energy":
         return [lambda ax: energy_balance(ax, robot, motion)]
     return [lambda ax: condition_number(ax, robot, motion)]
 
 
 def _divided(
-    all_curves: Curves, draw: Callable[[Axes, Sequence[str]], Axes]
+    all_curves: Curves, draw: Callable[[Sequence[str], Axes], Axes]
 ) -> list[Callable[[Axes], Axes]]:
-    """For each pair of axes the function that draws its curves, by their names."""
-    return [partial(_drawn, draw, names) for names in all_curves.panels()]
-
-
-def _drawn(draw: Callable[[Axes, Sequence[str]], Axes], names: Sequence[str], ax: Axes) -> Axes:
-    """Draw the curves of some names into axes."""
-    return draw(ax, names)
+    """For each pair of axes the function that draws its curves; `draw` takes their names first."""
+    return [partial(draw, names) for names in all_curves.panels()]
