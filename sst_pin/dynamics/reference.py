@@ -106,10 +106,10 @@ class Reference(threading.local):
                 # Forces may cancel to f, which then is rounding: all of them count.
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
                 _require_finite(np.append(tau, sizes), (), ())
-                self._require_supplied(unsupplied, sizes)
+                self._require_supplied(q, unsupplied, sizes)
         return tau
 
-    def _require_supplied(self, unsupplied: Array, sizes: Array) -> None:
+    def _require_supplied(self, q: Array, unsupplied: Array, sizes: Array) -> None:
         """Refuse forces along the coordinates that no motor supplies; `sizes` tell rounding."""
         missing_at = np.flatnonzero(np.abs(unsupplied) > UNSUPPLIED * sizes)
         if not len(missing_at):
@@ -119,7 +119,8 @@ class Reference(threading.local):
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
         loops = self.context.loops
         scale = self.mechanism.row_scale[:, None]
-        idle = idle_rates(self.mechanism, loops, loops.Phi * scale * self.mechanism.rate_scale)
+        Phi = loops.Phi * scale * self.mechanism.rate_scale
+        idle = idle_rates(self.mechanism, loops, q, Phi)
         problem = (
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "

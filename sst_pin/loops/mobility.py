@@ -170,7 +170,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
         degrees_of_freedom=len(coordinates),
         held=held,
         loose_joints=tuple(names_of_rates[is_loose].tolist()),
-        idle_joints=idle_rates(mechanism, loops, Phi),
+        idle_joints=idle_rates(mechanism, loops, q, np.vstack([Phi, only_shaking.T])),
         shaking_joints=tuple(names_of_rates[is_shaking].tolist()),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
@@ -179,20 +179,28 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
     )
 
 
-def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...]:
+def idle_rates(mechanism: Mechanism, loops: Loops, q: Array, rows: Array) -> tuple[str, ...]:
     """Rates to lock, so that no passive joint of a loop rotates freely.
 
-    A rod between two balls rotates about itself while all other joints are at rest. Each such
-    motion gives the rate with the largest part in it, here the turn about the axis that is nearest
-    to the rod. Phi is that of `scaled_Phi`, at the configuration of the loops.
+    A rod between two balls rotates about itself while all other joints and all motors are at rest.
+    Each such motion gives the rate with the largest part in it, here the turn about the axis that
+    is nearest to the rod.
+
+    Args:
+        mechanism: The mechanism.
+        loops: Its loops, evaluated at q.
+        q: A closed configuration.
+        rows: Rows that are zero in motions of joints without units: Phi of `scaled_Phi`, and more.
     """
     space = mechanism.space
     passive = _passive_joints(mechanism, loops)
+    # A platform on rods is a joint without a motor, but motors on lines hold it.
+    rows = np.vstack([rows, motor_rates(mechanism, q, np.eye(len(space.rate_names)))])
     idle = list[int]()
 
     # One ball is a joint of the tree, the other one is a closure: the rates of one joint suffice.
     for rates in passive.values():
-        idle += _idle_among(rates, Phi)
+        idle += _idle_among(rates, rows)
 
     # Both balls are joints of the tree: the rod rotates between them, while the body after the
     # second ball is at rest.
@@ -203,7 +211,7 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
         both = [*passive[parent], *rates]
         if not np.isin(both, idle).any():
             twist_of_body = _twist(mechanism, loops, joint)
-            idle += _idle_among(both, np.vstack([Phi, twist_of_body]))
+            idle += _idle_among(both, np.vstack([rows, twist_of_body]))
     return tuple(space.rate_names[rate] for rate in idle)
 
 

@@ -6,8 +6,9 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import ClosedChain, Closure
+from sst_pin import ClosedChain, Closure, LineForce
 from sst_pin.model.closures import Rolling
+from tests.gallery.touching import tree
 from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import planar
 
@@ -93,3 +94,33 @@ def test_what_rolls_keeps_its_energy_and_does_not_slip(kind):
     for q, va in zip(motion.q, motion.va, strict=True):
         v = chain.joint_rates(q, va)
         assert np.abs(chain.Phi(q) @ v).max() < 1e-12 * np.abs(v).max()
+
+
+@pytest.mark.parametrize(
+    ("length", "rate", "tension", "of_spring"),
+    [
+        (0.6, 1.0, 5.0, 1.0),  # spring and damper pull
+        (0.6, -1.0, 0.0, 1.0),  # the damper takes the whole pull of the spring
+        (0.4, 1.0, 3.0, 0.0),  # the damper pulls, less the push of the spring
+        (0.4, -1.0, 0.0, 0.0),
+    ],
+)
+def test_a_damped_cable_takes_the_power_of_its_tension_beyond_its_spring(
+    length, rate, tension, of_spring
+):
+    """By hand: stiffness 10 N/m, rest length 0.5 m, damping 4 N s/m, along a slide."""
+    model = tree(("slide", pin.JointModelPX(), 1.0, 1.0), gravity=False)
+    cable = LineForce(
+        "universe", "slide", stiffness=10, rest_length=0.5, damping=4, pulls_only=True
+    )
+    chain = ClosedChain(model, [], [], coordinates=["slide"], lines=[cable])
+    assert chain.compute_accelerations([length], [rate], []) == pytest.approx(-tension)
+    power = chain.friction_power([length], [rate])
+    assert power == pytest.approx(-(tension - of_spring) * rate, abs=1e-12)
+
+
+def test_a_cable_that_never_pulls_has_no_energy():
+    model = tree(("slide", pin.JointModelPX(), 1.0, 1.0), gravity=False)
+    cable = LineForce("universe", "slide", preload=-3.0, damping=1.0, pulls_only=True)
+    chain = ClosedChain(model, [], [], coordinates=["slide"], lines=[cable])
+    assert chain.potential_energy([[0.2], [0.9]]).tolist() == [0.0, 0.0]
