@@ -28,7 +28,7 @@ from .guesses import displacement, home_of
 from .loops import Loops
 from .massless_rates import massless_rates
 from .mobility import motor_rates
-from .ranks import free_motions, rank_of, scaled_Phi
+from .ranks import free_motions, scaled_Phi
 
 #: Largest condition number near home, in multiples of that at home.
 _POORER = 10.0
@@ -174,18 +174,21 @@ def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
     loops = assembly.loops
     no_rates = np.zeros((mechanism.model.nv, 0))
     Phi = scaled_Phi(mechanism, loops, q)
-    _, sizes, Vt = np.linalg.svd(Phi)
-    rank = rank_of(sizes)
-    if has_accelerations(assembly, Phi, Vt[rank:].T):
+    allowed_here = free_motions(Phi)
+    if has_accelerations(assembly, Phi, allowed_here):
         return no_rates
     guess = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
     try:
         beside = assembly.near(guess, fixed)
     except ClosureError:
         return no_rates
-    sizes_beside = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
-    rank_beside = np.count_nonzero(sizes_beside > _REGULAR * sizes_beside.max(initial=1.0))
-    return Vt[rank:rank_beside].T
+    _, sizes, Vt = np.linalg.svd(scaled_Phi(mechanism, loops, beside))
+    rank = np.count_nonzero(sizes > _REGULAR * sizes.max(initial=1.0))
+    allowed_beside = Vt[rank:].T
+    # The cosines of the angles between both spaces of rates come in decreasing order: first those
+    # of rates that are allowed in both poses (Bjorck and Golub 1973).
+    _, _, directions = np.linalg.svd(allowed_beside.T @ allowed_here)
+    return np.asarray(allowed_here @ directions[allowed_beside.shape[1] :].T)
 
 
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:

@@ -10,7 +10,7 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, Closure
 from tests.support.by_hand import add, at, mark
-from tests.support.planar_bars import rhombus
+from tests.support.planar_bars import planar, rhombus
 
 
 def body(model, parent, kind, x, name, mass=1.0):
@@ -248,3 +248,20 @@ def test_a_singular_home_is_named_with_the_joints_that_move_there_only():
     with pytest.warns(sst_pin.DescriptionWarning, match="1 more degree.*joints coupler, rocker"):
         chain = ClosedChain(model, closures, ["crank"])
     assert chain.coordinates == ("crank",)
+
+
+def test_a_singular_home_is_named_without_the_joints_of_regular_loops():
+    """Beside a flat parallelogram stands a square, which moves at home as it does elsewhere."""
+    bars = [("crank", "universe", 0.0, 0.3), ("coupler", "crank", 0.3, 0.4)]
+    bars += [("rocker", "universe", 0.4, 0.3)]
+    bars += [("left", "universe", 1.0, 0.2), ("top", "left", 0.2, 0.2)]
+    bars += [("right", "universe", 1.2, 0.2)]
+    model = planar(bars)
+    model.referenceConfigurations["home"] = np.array([0, 0, 0, 1, -1, 1]) * np.pi / 2
+    closures = [
+        Closure("coupler_end", "rocker_end", "3d"),
+        Closure("top_end", "right_end", "3d"),
+    ]
+    text = "1 more degree.*in the joints crank, coupler, rocker;"
+    with pytest.warns(sst_pin.DescriptionWarning, match=text):
+        ClosedChain(model, closures, ["crank", "left"])
