@@ -19,7 +19,8 @@ from ..model.named_positions import positions_of
 from ..progress import counted
 from ..simulation.coordinate_motions import coordinate_motion
 from ..simulation.trajectories import Trajectory, require_motion
-from .base_parameters import BaseParameters, random_states, require_base
+from .base_parameters import BaseParameters, require_base
+from .random_states import random_states
 
 #: Samples of a motion that is judged, for each harmonic.
 _SAMPLES = 12

@@ -12,7 +12,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import SSTError
-from ..identification.base_parameters import random_states
+from ..identification.random_states import random_states
 from ..progress import counted
 from .lagrange import LagrangeMultipliers
 from .mujoco_tree import MujocoInverse

@@ -13,7 +13,6 @@ import sst_pin
 from sst_pin import ClosedChain, InputError, identification, robots
 from sst_pin.identification import base_parameters, estimate, random_states
 from sst_pin.model.named_positions import positions_of
-from tests.gallery.cylinder_boom import cylinder_boom
 from tests.support import any_chain
 
 BODIES = [f"*.{word}" for word in ("mass", "m[xyz]", "i[xyz][xyz]")]
@@ -87,22 +86,6 @@ def test_a_motion_shows_less_than_random_states():
     still = base_parameters(chain, BODIES, motion=(q, 0 * va, 0 * va))
     assert "elbow_1.izz" in still.unseen
     assert len(still) < len(base_parameters(chain, BODIES))
-
-
-@pytest.mark.parametrize("angle", [-0.2, 0.9])
-def test_random_states_are_within_limits(angle):
-    """Home is within the stroke, then far outside it; the stroke is a tenth of the boom."""
-    low, high = 0.85, 0.95
-    q, _, _ = random_states(cylinder_boom(angle, (low, high)), 30)
-    assert q[:, 2].min() > low - 1e-9
-    assert q[:, 2].max() < high + 1e-9
-    assert np.ptp(q[:, 2]) > (high - low) / 2
-
-
-def test_limits_that_no_configuration_keeps_do_not_hinder_random_states():
-    """The cylinder is at least 0.3 m long."""
-    q, _, _ = random_states(cylinder_boom(-0.2, (0.0, 0.1)), 5)
-    assert q[:, 2].min() > 0.1
 
 
 MORE_MOTORS = "planar_4rrr"

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Random states of a robot: assembled, within limits, away from singularities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, whole_number
+from ..closed_chain import ClosedChain
+from ..engine import require_robot
+from ..errors import ClosureError, SingularConfigurationError
+
+#: Largest condition number of a random configuration.
+_REGULAR = 1e2
+#: A random motion that leaves the limits is halved at most this often.
+_HALVINGS = 6
+#: The start of random motions is searched in at most this number of tries.
+_TRIES = 100
+#: It suffices when each joint is less than this part of half its range away from the middle.
+_INSIDE = 0.75
+
+
+def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
+    """q, va, aa at random assembled configurations of one mode, away from singularities.
+
+    Shapes (count, nq), (count, n), (count, n). The configurations are within the limits of the
+    robot. If no configuration nearby keeps a limit, they violate it less than their start does.
+    With these rates and accelerations weights and inertia take torques of about the same size.
+    `seed` is the seed of the random numbers.
+
+    Raises:
+        ClosureError: If too few configurations can be assembled.
+
+    Example:
+        >>> chain = sst_pin.robots.four_bar()
+        >>> q, va, aa = sst_pin.identification.random_states(chain, 5)
+        >>> q.shape, va.shape
+        ((5, 3), (5, 1))
+    """
+    require_robot("chain", chain)
+    random = np.random.default_rng(whole_number("seed", seed, 0))
+    mechanism = chain.mechanism
+    count = whole_number("count", count, 1)
+    units = mechanism.rate_scale[mechanism.coordinates]
+    start = _within_limits(chain, chain.generic_configuration(), random)
+    # A robot with a large condition number at its start has large ones elsewhere too.
+    largest = max(_REGULAR, 2 * float(chain.condition_number(start)))
+    allowed = _beyond_limits(chain, start)
+
+    def inside(q: Array) -> bool:
+        """Whether no joint is farther beyond a limit than at the start."""
+        excess = _beyond_limits(chain, q)
+        return all(excess[joints] <= allowed.get(joints, 0.0) for joints in excess)
+
+    def near_start() -> Array | None:
+        """A random regular configuration near the start; None if none is found."""
+        step = 0.1 * random.normal(size=len(units)) * units
+        for _ in range(_HALVINGS):
+            q = _moved(chain, start, step)
+            if q is not None and chain.condition_number(q) < largest and inside(q):
+                return q
+            step = step / 2
+        return None
+
+    configurations = list[Array]()
+    for _ in range(20 * count):
+        q = near_start()
+        if q is not None:
+            configurations.append(q)
+        if len(configurations) == count:
+            break
+    if len(configurations) < count:
+        problem = f"only {len(configurations)} of {count} random configurations could be assembled"
+        raise ClosureError(f"{problem}; give motion=", float("inf"))
+
+    # Rates and accelerations of a robot that gravity moves over its length l: v^2 / l = g.
+    per_second_squared = 9.81 / mechanism.length
+    va, aa = random.normal(size=(2, count, len(units))) * units
+    return np.array(configurations), va * np.sqrt(per_second_squared), aa * per_second_squared
+
+
+def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
+    """The configuration after three small motions along the loops; None if there is none.
+
+    Small motions stay in the assembly mode of the start.
+    """
+    q = start
+    try:
+        for _ in range(3):
+            ahead = pin.integrate(chain.mechanism.model, q, chain.joint_rates(q, step))
+            q = chain.assemble(ahead, fixed=())
+    except (ClosureError, SingularConfigurationError):
+        return None
+    return q
+
+
+def _beyond_limits(chain: ClosedChain, q: Array) -> dict[tuple[str, ...], float]:
+    """How far joints are beyond their limits at q, [rad] or [m]."""
+    excess = dict[tuple[str, ...], float]()
+    for finding in chain.check_limits(q):
+        if not finding.singular:
+            low, high = finding.limits
+            value = float(finding.values[0])
+            excess[finding.joints] = max(low - value, value - high)
+    return excess
+
+
+def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator) -> Array:
+    """A configuration near the middle of the limits, in the assembly mode of the start.
+
+    It follows random motions that lead towards the middle.
+    """
+    mechanism = chain.mechanism
+    low = mechanism.model.lowerPositionLimit
+    high = mechanism.model.upperPositionLimit
+    limited = np.isfinite(low) & np.isfinite(high) & (high > low)
+    if not limited.any():
+        return start
+    low = low[limited]
+    high = high[limited]
+    units = mechanism.rate_scale[mechanism.coordinates]
+    best = start
+
+    def distance(q: Array) -> float:
+        """The largest distance of a joint from the middle of its range; 1 is at a limit."""
+        middle = high / 2 + low / 2
+        half = high / 2 - low / 2
+        return float((np.abs(q[limited] - middle) / half).max())
+
+    for _ in range(_TRIES):
+        if distance(best) < _INSIDE:
+            break
+        q = _moved(chain, best, 0.1 * random.normal(size=len(units)) * units)
+        if q is None or chain.condition_number(q) > _REGULAR:
+            continue
+        if distance(q) < distance(best):
+            best = q
+    return best
