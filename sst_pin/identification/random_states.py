@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pinocchio as pin
 
@@ -13,8 +15,15 @@ from ..errors import ClosureError, SingularConfigurationError
 
 #: Largest condition number of a random configuration.
 _REGULAR = 1e2
-#: A random motion that leaves the limits is halved at most this often.
+#: Standard deviation of the steps of coordinates in a random motion, [rad] or robot lengths: short
+#: steps stay in the assembly mode.
+_STEP = 0.1
+#: Number of equal steps of a random motion.
+_STEPS = 3
+#: A random motion whose end is not good is halved at most this often.
 _HALVINGS = 6
+#: Random motions at most, for each configuration that is wanted.
+_MOTIONS = 20
 #: The start of random motions is searched in at most this number of tries.
 _TRIES = 100
 #: It suffices when each joint is less than this part of half its range away from the middle.
@@ -48,24 +57,17 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     largest = max(_REGULAR, 2 * float(chain.condition_number(start)))
     allowed = _beyond_limits(chain, start)
 
-    def inside(q: Array) -> bool:
-        """Whether no joint is farther beyond a limit than at the start."""
+    def is_good(q: Array) -> bool:
+        """Whether q is regular, and no joint is farther beyond a limit than at the start."""
+        if not chain.condition_number(q) < largest:
+            return False
         excess = _beyond_limits(chain, q)
         return all(excess[joints] <= allowed.get(joints, 0.0) for joints in excess)
 
-    def near_start() -> Array | None:
-        """A random regular configuration near the start; None if none is found."""
-        step = 0.1 * random.normal(size=len(units)) * units
-        for _ in range(_HALVINGS):
-            q = _moved(chain, start, step)
-            if q is not None and chain.condition_number(q) < largest and inside(q):
-                return q
-            step = step / 2
-        return None
-
     configurations = list[Array]()
-    for _ in range(20 * count):
-        q = near_start()
+    for _ in range(_MOTIONS * count):
+        step = _STEP * random.normal(size=len(units)) * units
+        q = _good_end(chain, start, step, is_good)
         if q is not None:
             configurations.append(q)
         if len(configurations) == count:
@@ -80,14 +82,26 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     return np.array(configurations), va * np.sqrt(per_second_squared), aa * per_second_squared
 
 
-def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
-    """The configuration after three small motions along the loops; None if there is none.
+def _good_end(
+    chain: ClosedChain, start: Array, step: Array, is_good: Callable[[Array], bool]
+) -> Array | None:
+    """The end of a motion by steps of the coordinates, or of a shorter one that is good.
 
-    Small motions stay in the assembly mode of the start.
+    None if none of them is.
     """
+    for _ in range(_HALVINGS):
+        q = _moved(chain, start, step)
+        if q is not None and is_good(q):
+            return q
+        step = step / 2
+    return None
+
+
+def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
+    """The configuration after some equal steps of the coordinates; None if loops do not close."""
     q = start
     try:
-        for _ in range(3):
+        for _ in range(_STEPS):
             ahead = pin.integrate(chain.mechanism.model, q, chain.joint_rates(q, step))
             q = chain.assemble(ahead, fixed=())
     except (ClosureError, SingularConfigurationError):
@@ -131,7 +145,7 @@ def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator
     for _ in range(_TRIES):
         if distance(best) < _INSIDE:
             break
-        q = _moved(chain, best, 0.1 * random.normal(size=len(units)) * units)
+        q = _moved(chain, best, _STEP * random.normal(size=len(units)) * units)
         if q is None or chain.condition_number(q) > _REGULAR:
             continue
         if distance(q) < distance(best):
