@@ -150,7 +150,8 @@ class WarpBatch:
             q: Configurations, shape (N, nq).
             va: Rates of the coordinates, shape (N, n).
             aa: Accelerations of the coordinates, shape (N, n).
-            options: `external_wrenches`, shape (N, r, 6), `out`, `status`.
+            options: `external_wrenches`, [force; moment] on each body, shape (N, r, 6), `out`,
+                `status`.
         """
         return self._run(Quantity("torques"), {"q": q, "va": va, "aa": aa}, **options)
 
