@@ -200,7 +200,8 @@ class Lines:
         stiffness = self.stiffness
         preload = self.preload
         stretch = lengths - self.rest_lengths
-        is_slack = self.pull_only & (stiffness > 0) & (preload + stiffness * stretch < 0)
-        # A slack cable has the energy of the stretch at which its tension begins.
-        stretch[is_slack] = -preload[is_slack] / stiffness[is_slack]
+        is_slack = self.pull_only & (preload + stiffness * stretch < 0)
+        # A slack cable has the energy of the stretch at which its tension begins, or none.
+        begin = np.divide(-preload, stiffness, out=np.zeros_like(stretch), where=stiffness > 0)
+        stretch[is_slack] = begin[is_slack]
         return float((preload + stiffness * stretch / 2).dot(stretch))

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, for_each_sample
 from ..engine import Engine, Robot, require_robot
 from ..errors import InputError
-from ..model.dry_friction import sign_of
 from .samples import spline
 from .trajectories import Trajectory, require_motion
 
@@ -64,17 +63,16 @@ def potential_energy(engine: Engine, q: ArrayLike) -> Array:
 def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Power of friction in all joints, Eq. (87), and along lines, shape (...), [W]."""
     mechanism = engine.mechanism
+    lines = mechanism.lines
     v = engine.joint_rates(q, va)
-    rates = engine.line_rates(q, v)
-    damping = mechanism.lines.damping
-    if mechanism.lines.pull_only.any():
-        array = finite_array("q", q, (mechanism.model.nq,))
-        shape = (len(mechanism.lines.forces),)
-        lengths = for_each_sample(engine.reference.line_lengths, [array], (1,), shape)
-        damping = damping * mechanism.lines.taut(lengths, rates)
     on_joints = (mechanism.friction.forces(v) * v).sum(axis=-1)
-    signs = sign_of(rates, mechanism.friction.sign_width)
-    on_lines = -(damping * rates**2 + mechanism.lines.coulomb * signs * rates).sum(axis=-1)
+    rates = engine.line_rates(q, v)
+    lengths = engine.line_lengths(q)
+    # What a tension is more than that of the springs alone, which the potential energy contains: a
+    # damper can make a cable slack whose spring pulls, or taut although its spring does not pull.
+    tensions = lines.tensions(lengths, rates, mechanism.friction.sign_width)
+    of_springs = lines.tensions(lengths, np.zeros_like(rates), 0.0)
+    on_lines = -((tensions - of_springs) * rates).sum(axis=-1)
     return finite_array("power", on_joints + on_lines, ())
 
 

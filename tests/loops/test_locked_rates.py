@@ -184,3 +184,18 @@ def test_the_spin_of_a_rod_between_two_balls_of_the_tree_is_idle(rod):
     assert cured.degrees_of_freedom == 1
     assert cured.mobility().sufficient
     assert not cured.mobility().idle_joints
+
+
+def test_a_body_that_a_cylinder_moves_does_not_rotate_freely():
+    """A plate on two rods: to lock its rotation would lock the robot."""
+    model = pin.Model()
+    plate = add(model, 0, pin.JointModelPlanar(), "plate", at(), pin.Inertia.FromSphere(1.0, 0.1))
+    mark(model, 0, "foot", at(-1.0, 0.0))
+    for name, x in (("left", 0.0), ("right", 0.7)):
+        mark(model, 0, f"{name}_hook", at(x, 1.0))
+        mark(model, plate, f"{name}_eye", at(x, 0.2))
+    rods = [sst_pin.Distance(f"{name}_hook", f"{name}_eye", 0.8) for name in ("left", "right")]
+    cylinder = sst_pin.LineForce("foot", "left_eye", name="cylinder")
+    mobility = ClosedChain(model, rods, ["cylinder"], lines=[cylinder]).mobility()
+    assert (mobility.degrees_of_freedom, mobility.sufficient) == (1, True)
+    assert mobility.idle_joints == ()
