@@ -1,412 +1,690 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A robot that moves by its own functions: by hand along its closures, or in time.
-// `functions` are those of `page_code`, `d` the numbers of `page_data`.
-function engine(functions, d) {
+// A robot that moves by its own functions. `move` and `follow` move it by hand: the coordinates in small
+// steps, and after each one Newton's method closes the loops. `advance` moves it in time: it integrates
+// the direct dynamics by the method of Dormand and Prince, or, for a robot with contacts or ropes, makes
+// the steps of `nonsmooth`.
+// `functions` are those of `page_code`, `data` is from `live_data`. The result is the state of the robot
+// with the functions that change it. Lengths are free of units where they are divided by the robot's.
+function engine(functions, data) {
   "use strict";
-  const STEP = 0.02, JUMP = 0.1; // of a move; a correction of q that changes the assembly mode
-  const CHANGE = 3; // of det Phi_u in a step, which changes its sign at a singularity
-  const TOLERANCE = 1e-7, SHORTEST = 1e-7; // of a step, relative; [s]
-  const STIFF = 12, PUSH = 0.1; // of "hold" [1/s]; how long a push lasts [s]
-  const SPRING = 20, BUFFER = 0.005; // of a stop: its frequency in those of a fall; where it begins before the limit, in parts of the range's unit
-  const LONGEST = 5e-3, BEND = 0.25; // of a step with impulses: in times of a fall; its correction that closes the loops, relative
-  const RISE = 0.1; // speed that lifts what starts below its ground, in those of a fall
-  const WEIGHTS = 20, SETTLING = 0.3; // of "hold" with impulses: stiffness of motors, in weights at the robot's length per rad; damping, in times of a fall
-  const SMOOTH = 0.01; // [rad/s] of Coulomb friction without a width, whose jumps stop an integrator
-  const zeros = (n) => new Array(n).fill(0), turned = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
-  const nq = d.q.length, n = d.coordinates.length, motors = d.motors.names.length, rest = zeros(6 * d.bodies.length - 6);
 
-  function bind({ inputs, output, checks, size, room, constants, parts }, width) {
-    const x = new Float64Array(inputs.reduce((a, b) => a + b, 0)), p = new Float64Array(size);
-    const y = new Float64Array(output + checks), w = new Float64Array(room);
+  // --- constants -----------------------------------------------------------------------------
+  // A fall is one from rest by the robot's length, under its gravity.
+
+  const MOVE_STEP = 0.02; // longest step of a coordinate by hand, [rad] or robot lengths
+  const JUMP = 0.1; // a correction of q by more, [rad] or robot lengths, changes the assembly mode
+  const DET_CHANGE = 3; // largest factor of det Phi_u in a step: its sign changes at a singularity
+  const GOOD_PIVOTS = 1e-3; // the robot's own coordinates suit a pose with this check of small pivots
+  const BETTER_PIVOTS = 16; // others are chosen where their check is smaller by this factor
+  const TOLERANCE = 1e-7; // relative error of a step in time
+  const FIRST_STEP = 1e-3, SHORTEST_STEP = 1e-7, END = 1e-12; // [s]; a rest shorter than END is rounding
+  const HOLD_FREQUENCY = 12; // of the coordinates with "hold", critically damped, [rad/s]
+  const PUSH_TIME = 0.1; // [s]
+  const STOP_FREQUENCY = 20; // of the spring of a stop, relative to 1 / time of a fall
+  const STOP_BUFFER = 0.005; // distance from a limit at which its spring begins, [rad] or robot lengths
+  const SMOOTH = 0.01; // width of Coulomb friction without one, [rad/s]: a jump stops an integrator
+  const SIGN_WIDTH = 3; // index of this width in the symbolic parameters
+  // Steps with impulses.
+  const LONGEST_STEP = 5e-3; // in times of a fall
+  const BEND = 0.25; // largest correction of q that closes the loops, relative to the step
+  const RISE = 0.1; // speed that lifts what starts below its ground, in speeds of a fall
+  const HOLD_STIFFNESS = 20; // of motors with "hold", in robot weights at the robot's length per rad
+  const HOLD_DAMPING = 0.3; // damping over stiffness, in times of a fall
+
+  const SINGULAR = "the simulation stopped close to a singularity";
+  const TOO_SHORT = `${SINGULAR}, where its steps became too short`;
+
+  const nq = data.q.length, n = data.coordinates.length, motors = data.motors.names.length;
+  const fall = Math.sqrt(data.size / data.fall); // time of a fall, [s]
+  const scale = data.coordinates.map((each) => each.scale); // units of the coordinates
+  const zeros = (size) => new Array(size).fill(0);
+  const unitVector = (size, k) => Array.from({ length: size }, (_, j) => Number(j === k));
+  const turned = (angle) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI)); // to [-pi, pi]
+  const largest = (change) => Math.max(0, ...change.map((x, k) => Math.abs(x) / scale[k]));
+  const noTorques = zeros(motors), noRates = zeros(n);
+  const noWrenches = zeros(6 * (data.bodies.length - 1)); // [force; moment] of each body
+
+  // --- kernels -------------------------------------------------------------------------------
+
+  // A kernel as a function of its input arrays. It returns its outputs, and behind them its checks, in an
+  // array that the next call overwrites.
+  function bind({ inputs, output, checks, size, room, constants, parts }, signWidth) {
+    const x = new Float64Array(inputs.reduce((sum, count) => sum + count, 0));
+    const p = new Float64Array(size);
+    const y = new Float64Array(output + checks);
+    const w = new Float64Array(room);
     p.set(functions.numbers);
-    if (width && !(p[3] > 0)) p[3] = width;
+    if (signWidth && !(p[SIGN_WIDTH] > 0)) p[SIGN_WIDTH] = signWidth;
     constants(p);
-    return (...given) => {
-      let i = 0;
-      for (const array of given) { x.set(array, i); i += array.length; }
+    return (...arrays) => {
+      let start = 0;
+      for (const array of arrays) {
+        x.set(array, start);
+        start += array.length;
+      }
       for (const part of parts) part(x, p, y, w);
       return y;
     };
   }
-  const all = (kernels) => Object.fromEntries(Object.entries(kernels).map(([name, kernel]) => [name, bind(kernel, name === "state_rate" && SMOOTH)]));
-  const F = all(functions.common), sets = functions.sets.map(({ coordinates, parts, layout, kernels }) => (
-    { coordinates, parts, layout, ...all(kernels), checked: kernels.closing.output, size: kernels.terms?.output }));
-  const own = sets[0];
-  const fall = Math.sqrt(d.size / d.fall); // time of a fall by the robot's length [s]
-  const impulsive = functions.nonsmooth && nonsmooth(functions.nonsmooth, RISE * d.size / fall);
 
-  // The state, and what acts: how the motors are driven, their efforts, a hand.
-  const r = { q: d.q.slice(), va: d.va.slice(), time: 0, way: "none", efforts: zeros(motors), grip: null, contactForces: [] };
-  let now, rate_, moved, goal, step; // of a simulation: its set of coordinates, their rates, what the own ones have moved
-  const scale = d.coordinates.map((each) => each.scale), largest = (change) => Math.max(0, ...change.map((x, k) => Math.abs(x) / scale[k]));
-  const rates = (set, q, va) => set.rates(q, va); // of q, then of all joints
-
-  function reset() {
-    Object.assign(r, { q: d.q.slice(), va: d.va.slice(), time: 0, grip: null, efforts: zeros(motors) });
+  function bindAll(kernels) {
+    const bound = ([name, kernel]) => [name, bind(kernel, name === "state_rate" ? SMOOTH : 0)];
+    return Object.fromEntries(Object.entries(kernels).map(bound));
   }
 
-  // --- kinematics ----------------------------------------------------------------------------
+  const common = bindAll(functions.common);
+  // The dynamics in several choices of coordinates and pivots; the first has the robot's own coordinates.
+  // `rates(q, va)` of a set are those of q, then those of all joints.
+  const sets = functions.sets.map(({ coordinates, parts, layout, kernels }) => ({
+    coordinates,
+    parts,
+    layout,
+    ...bindAll(kernels),
+    closingOutputs: kernels.closing.output,
+    termsOutputs: kernels.terms?.output,
+  }));
+  const own = sets[0];
+  const impulsive = functions.nonsmooth && nonsmooth(functions.nonsmooth, RISE * data.size / fall);
 
-  // Newton's method with the coordinates held; null where it finds nothing.
-  function closed(x, set = own) {
+  // One step of Newton's method onto the closures, with the coordinates of a set held: q after it; of q
+  // before it det Phi_u (Phi_u are the columns of Phi for the dependent rates), and two checks, which are
+  // at most 1 where the loops are closed and where pivots are not small.
+  function newtonStep(set, q) {
+    const y = set.closing(q), checks = set.closingOutputs;
+    return { next: y.subarray(0, nq), det: y[nq], gap: y[checks], smallPivots: y[checks + 1] };
+  }
+
+  // Whether det Phi_u changes little enough to stay in the assembly mode.
+  const keepsMode = (before, after) => after / before > 1 / DET_CHANGE && after / before < DET_CHANGE;
+
+  // Some outputs of a kernel; NaN if a check fails. The first check is that the loops are closed, which
+  // they are not within a step of an integrator: it does not count.
+  function valid(y, outputs, first = 0) {
+    const isGood = y.subarray(outputs + 1).every((check) => check <= 1);
+    return Array.from(y.subarray(first, outputs), (x) => isGood ? x : NaN);
+  }
+
+  const torques = (q, va, aa) => valid(common.torques(q, va, aa, noWrenches), motors);
+  const holdingTorques = () => torques(robot.q, noRates, noRates);
+  const finite = (x) => Number.isFinite(x) ? x : 0;
+
+  // --- the state -----------------------------------------------------------------------------
+
+  // `way` is how the motors are driven: "none", "hold", or "sliders" with these efforts. A grip is a hand
+  // at a point of a body; it has a target, which it pulls the point to, or a force until some time.
+  const robot = {
+    q: data.q.slice(),
+    va: data.va.slice(),
+    time: 0,
+    way: "none",
+    efforts: zeros(motors),
+    grip: null,
+    contactForces: [],
+  };
+
+  function reset() {
+    robot.q = data.q.slice();
+    robot.va = data.va.slice();
+    robot.time = 0;
+    robot.grip = null;
+    robot.efforts = zeros(motors);
+  }
+
+  // Position of a coordinate.
+  function value(k) {
+    const { kind, i } = data.coordinates[k];
+    if (kind === "position") return robot.q[i];
+    return kind === "angle" ? Math.atan2(robot.q[i + 1], robot.q[i]) : 0;
+  }
+
+  // --- loops ---------------------------------------------------------------------------------
+
+  // The closed configuration near q with the coordinates held; null if there is none.
+  function closed(q, set = own) {
     for (let k = 0; k < 12; k++) {
-      const y = set.closing(x), gap = y[set.checked];
-      x = Array.from(y.subarray(0, nq));
-      if (!x.every(Number.isFinite)) return null;
-      if (gap <= 1) return x; // it was closed before this step
+      const { next, gap } = newtonStep(set, q);
+      q = Array.from(next);
+      if (!q.every(Number.isFinite)) return null;
+      if (gap <= 1) return q; // closed before this step
     }
     return null;
   }
 
-  // Condition number of the columns of Phi for the dependent rates: that of the worst of the parts that share no rate.
-  function condition(q = r.q, set = own) {
-    const Phi = F.loops(q);
-    return Math.max(1, ...set.parts.map((part) => conditionOf(Phi, part.rates, part.size)));
+  // Condition number of Phi_u: the worst of its parts, which share no rate.
+  function condition(q = robot.q) {
+    const Phi = common.loops(q);
+    return Math.max(1, ...own.parts.map((part) => conditionOf(Phi, part.rates, part.size)));
   }
 
-  // Condition number of some columns of Phi, by Jacobi's rotations of Phi^T Phi; their norm counts as at least a size.
-  function conditionOf(Phi, columns, size = 0) {
-    const nv = d.nv, m = columns.length;
-    const A = columns.map((i) => columns.map((j) => { let sum = 0; for (let k = 0; k < Phi.length; k += nv) sum += Phi[k + i] * Phi[k + j]; return sum; }));
-    for (let sweep = 0, left = 1; sweep < 12 && left; sweep++) {
-      left = 0;
-      for (let i = 0; i < m; i++) for (let j = i + 1; j < m; j++) {
-        if (Math.abs(A[i][j]) <= 1e-15 * Math.sqrt(Math.abs(A[i][i] * A[j][j]))) continue;
-        left += 1;
-        const t = Math.atan2(2 * A[i][j], A[j][j] - A[i][i]) / 2, c = Math.cos(t), s = Math.sin(t);
-        for (const row of A) [row[i], row[j]] = [c * row[i] - s * row[j], s * row[i] + c * row[j]];
-        for (let k = 0; k < m; k++) [A[i][k], A[j][k]] = [c * A[i][k] - s * A[j][k], s * A[i][k] + c * A[j][k]];
-      }
-    }
-    const squares = A.map((row, i) => row[i]);
+  // Condition number of some columns of Phi; the largest singular value counts as at least `size`.
+  function conditionOf(Phi, columns, size) {
+    const product = (i, j) => {
+      let sum = 0;
+      for (let k = 0; k < Phi.length; k += data.nv) sum += Phi[k + i] * Phi[k + j];
+      return sum;
+    };
+    const squares = eigenvalues(columns.map((i) => columns.map((j) => product(i, j))));
     return Math.sqrt(Math.max(...squares, size * size) / Math.max(Math.min(...squares), 0));
   }
-  const near = (x) => `close to a singularity, condition number ${Number(x.toPrecision(3))}`;
 
-  // The name of a joint that a step takes beyond its limits, further than it was.
-  function limited(before, after) {
-    const beyond = (q, { i, low, high }) => Math.max(low - q[i], q[i] - high, 0);
-    return d.bounds.find((bound) => bound.what === "limits" && beyond(after, bound) > beyond(before, bound) + 1e-12)?.name;
+  // Eigenvalues of a symmetric matrix by Jacobi's rotations, in place.
+  function eigenvalues(A) {
+    const m = A.length;
+    for (let sweep = 0, rotations = 1; sweep < 12 && rotations; sweep++) {
+      rotations = 0;
+      for (let i = 0; i < m; i++) {
+        for (let j = i + 1; j < m; j++) {
+          if (Math.abs(A[i][j]) <= 1e-15 * Math.sqrt(Math.abs(A[i][i] * A[j][j]))) continue;
+          rotations += 1;
+          rotate(A, i, j);
+        }
+      }
+    }
+    return A.map((row, i) => row[i]);
   }
 
-  // Move the coordinates in small steps, as far as they lead within one assembly mode and the limits; says what ended it.
+  // A := R^T A R with the rotation of axes i and j that makes A_ij zero.
+  function rotate(A, i, j) {
+    const angle = Math.atan2(2 * A[i][j], A[j][j] - A[i][i]) / 2;
+    const c = Math.cos(angle), s = Math.sin(angle);
+    for (const row of A) [row[i], row[j]] = [c * row[i] - s * row[j], s * row[i] + c * row[j]];
+    for (let k = 0; k < A.length; k++) {
+      [A[i][k], A[j][k]] = [c * A[i][k] - s * A[j][k], s * A[i][k] + c * A[j][k]];
+    }
+  }
+
+  const nearSingularity = (x) => `close to a singularity, condition number ${Number(x.toPrecision(3))}`;
+
+  // --- by hand -------------------------------------------------------------------------------
+
+  // The name of a joint that is further beyond its limits at `after` than at `before`.
+  function reachedLimit(before, after) {
+    const beyond = (q, { i, low, high }) => Math.max(low - q[i], q[i] - high, 0);
+    const isFurther = (bound) => beyond(after, bound) > beyond(before, bound) + 1e-12;
+    return data.bounds.find((bound) => bound.what === "limits" && isFurther(bound))?.name;
+  }
+
+  // Move the coordinates as far as they lead within one assembly mode and the limits. Returns what ends
+  // the move, or no text.
   function move(change) {
-    const steps = Math.max(1, Math.ceil(largest(change) / STEP)), part = change.map((x) => x / steps);
-    for (let k = 0, before = condition(), det = own.closing(r.q)[nq]; k < steps; k++) {
-      const ahead = rates(own, r.q, part), guess = r.q.map((x, i) => x + ahead[i]), next = closed(guess);
+    const count = Math.max(1, Math.ceil(largest(change) / MOVE_STEP));
+    const part = change.map((x) => x / count);
+    let before = condition(), det = newtonStep(own, robot.q).det;
+    for (let k = 0; k < count; k++) {
+      const rates = own.rates(robot.q, part);
+      const ahead = robot.q.map((x, i) => x + rates[i]);
+      const next = closed(ahead);
       if (!next) return "the loops cannot be closed beyond this pose";
-      if (next.some((x, i) => Math.abs(x - guess[i]) > JUMP * d.scales[i])) return "the assembly mode ends here";
-      const end = limited(r.q, next);
-      if (end) return `${end} is at its limit`;
-      const after = condition(next), size = own.closing(next)[nq];
-      if (!(size / det > 1 / CHANGE) || !(after <= d.condition || after < before)) return near(Math.max(before, after));
-      [r.q, before, det] = [next, after, size];
+      if (next.some((x, i) => Math.abs(x - ahead[i]) > JUMP * data.scales[i])) {
+        return "the assembly mode ends here";
+      }
+      const joint = reachedLimit(robot.q, next);
+      if (joint) return `${joint} is at its limit`;
+      const after = condition(next), detAfter = newtonStep(own, next).det;
+      const isRegular = after <= data.condition || after < before;
+      if (!(detAfter / det > 1 / DET_CHANGE) || !isRegular) return nearSingularity(Math.max(before, after));
+      robot.q = next;
+      before = after;
+      det = detAfter;
     }
     return "";
   }
 
-  function value(k) { // of a coordinate
-    const { kind, i } = d.coordinates[k];
-    return kind === "position" ? r.q[i] : kind === "angle" ? Math.atan2(r.q[i + 1], r.q[i]) : 0;
+  // `places` of the kernel has 12 numbers for each body: its axes, one after the other, and its origin.
+  function pointOf(places, { body, at }) {
+    const R = 12 * body, p = R + 9;
+    const coordinate = (i) =>
+      places[p + i] + places[R + i] * at[0] + places[R + 3 + i] * at[1] + places[R + 6 + i] * at[2];
+    return [0, 1, 2].map(coordinate);
   }
 
-  // A point of a body from `places`, or its velocity from their rates.
-  const on = (M, { body, at }) => [0, 1, 2].map((i) => [0, 3, 6].reduce((sum, c, k) => sum + M[12 * body + c + i] * at[k], M[12 * body + 9 + i]));
-  const velocity = (grip, q, q_dot) => on(F.flow(q, q_dot), grip);
-  const columns = (grip) => r.va.map((_, k) => velocity(grip, r.q, rates(own, r.q, r.va.map((_, j) => Number(j === k))).slice(0, nq)));
+  // `flow` is the rate of `places`.
+  const velocityOf = (grip, q, q_dot) => pointOf(common.flow(q, q_dot), grip);
 
-  // The smallest change of the coordinates, damped, that brings a point nearer to its target.
+  // The velocities of a point for unit rates of the coordinates: the columns of its Jacobian.
+  function jacobianColumns(grip) {
+    const ratesFor = (k) => own.rates(robot.q, unitVector(n, k)).slice(0, nq);
+    return robot.va.map((_, k) => velocityOf(grip, robot.q, ratesFor(k)));
+  }
+
+  // A x = b with three rows, by Cramer's rule.
+  function solvedByCramer(A, b) {
+    const dot = (x, y) => x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    const cross = (x, y) =>
+      [0, 1, 2].map((i) => x[(i + 1) % 3] * y[(i + 2) % 3] - x[(i + 2) % 3] * y[(i + 1) % 3]);
+    const det = (x, y, z) => dot(x, cross(y, z));
+    const whole = det(A[0], A[1], A[2]);
+    return [det(b, A[1], A[2]), det(A[0], b, A[2]), det(A[0], A[1], b)].map((x) => x / whole);
+  }
+
+  // Move a gripped point towards its target by damped least squares: with the squared units S of the
+  // coordinates and the distance b, they change by S J^T (J S J^T + damping 1)^-1 b.
   function follow() {
-    const at = r.point(r.grip), J = columns(r.grip), damped = (0.05 * d.size) ** 2;
-    const A = [0, 1, 2].map((i) => [0, 1, 2].map((j) => J.reduce((sum, c, k) => sum + c[i] * scale[k] ** 2 * c[j], i === j ? damped : 0)));
-    const cross = (a, b) => [0, 1, 2].map((i) => a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
-    const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2], b = r.grip.target.map((x, i) => x - at[i]);
-    const det = dot(A[0], cross(A[1], A[2])), force = [dot(b, cross(A[1], A[2])), dot(A[0], cross(b, A[2])), dot(A[0], cross(A[1], b))].map((x) => x / det);
-    const change = J.map((c, k) => scale[k] ** 2 * dot(c, force)), share = Math.min(1, 0.1 / (largest(change) || 1));
-    return move(change.map((x, k) => {
-      const { kind, low, high } = d.coordinates[k], is = value(k);
-      return kind === "position" ? Math.min(Math.max(is + share * x, Math.min(low, is)), Math.max(high, is)) - is : share * x;
-    }));
+    const damping = (0.05 * data.size) ** 2;
+    const at = pointOf(common.places(robot.q), robot.grip), J = jacobianColumns(robot.grip);
+    const entry = (i, j) => J.reduce((sum, c, k) => sum + c[i] * scale[k] ** 2 * c[j], i === j ? damping : 0);
+    const A = [0, 1, 2].map((i) => [0, 1, 2].map((j) => entry(i, j))); // symmetric
+    const force = solvedByCramer(A, robot.grip.target.map((x, i) => x - at[i]));
+    const along = (c) => c[0] * force[0] + c[1] * force[1] + c[2] * force[2];
+    const change = J.map((c, k) => scale[k] ** 2 * along(c));
+    const share = Math.min(1, 0.1 / (largest(change) || 1)); // in one frame 0.1 rad or robot lengths
+    return move(change.map((x, k) => onSlider(k, share * x)));
   }
 
-  // What a pose is that the machine cannot take, and which motors are beyond their largest efforts.
+  // A change of a coordinate as far as its slider goes; one that is beyond its end may come back.
+  function onSlider(k, change) {
+    const { kind, low, high } = data.coordinates[k];
+    if (kind !== "position") return change;
+    const x = value(k);
+    return Math.min(Math.max(x + change, Math.min(low, x)), Math.max(high, x)) - x;
+  }
+
+  // --- what the pose is like -----------------------------------------------------------------
+
+  // In words, what a pose is that the machine cannot take, and which motors are beyond their largest
+  // efforts; `shown` writes a number with its unit.
   function wrong(shown, tau) {
-    const words = d.bounds.filter(({ i, low, high, what }) => {
-      const x = what === "arc" ? (low + high) / 2 + turned(r.q[i] - (low + high) / 2) : r.q[i];
-      return x < low || x > high;
-    }).map(({ name, unit, i, what, low, high }) => `${name} leaves its ${what} of ${shown(low, unit)} to ${shown(high, unit)}: ${shown(r.q[i], unit)}`);
-    const { owners, units, limits } = d.motors, is = condition();
-    tau.forEach((x, k) => {
-      if (limits[k] !== null && Math.abs(x) > limits[k]) words.push(`${owners[k]} is beyond its effort limit of ${Number(limits[k].toPrecision(3))} ${units[k]}`);
-    });
-    if (!(is <= d.condition)) words.push(near(is));
-    if (r.unsolved) words.push("forces of contacts are not solved to 1e-9");
-    if (r.holds && !r.torques(r.q, zeros(n), zeros(n)).every(Number.isFinite)) words.push("the motors do not hold this pose");
-    if (!(own.closing(r.q)[own.checked] <= 1)) words.unshift("the loops are open");
+    const words = [...leftRanges(shown), ...largeEfforts(tau)];
+    const number = condition();
+    if (!(number <= data.condition)) words.push(nearSingularity(number));
+    if (robot.unsolved) words.push("forces of contacts are not solved to 1e-9");
+    if (robot.holds && !holdingTorques().every(Number.isFinite)) words.push("the motors do not hold this pose");
+    if (!(newtonStep(own, robot.q).gap <= 1)) words.unshift("the loops are open");
     return words;
   }
 
-  // --- dynamics ------------------------------------------------------------------------------
-
-  // Results where the checks behind them hold, else NaN; the first one is that loops are closed, which they are not within a step.
-  const judged = (y, size, first = 0) => Array.from(y.subarray(first, size), (x) => y.subarray(size + 1).every((check) => check <= 1) ? x : NaN);
-  const torques = (q, va, aa) => judged(F.torques(q, va, aa, rest), motors);
-
-  // What the motors give: nothing, what is given to them, or what holds the coordinates at a goal.
-  function efforts(q, va, s) {
-    if (r.way === "hold") return r.torques(q, zeros(n), goal.map((g, k) => STIFF ** 2 * (g - s[k]) - 2 * STIFF * va[k]));
-    return r.way === "sliders" ? r.efforts : zeros(motors);
+  function leftRanges(shown) {
+    const words = [];
+    for (const { name, unit, i, what, low, high } of data.bounds) {
+      const middle = (low + high) / 2;
+      // On an arc, whole turns do not count.
+      const x = what === "arc" ? middle + turned(robot.q[i] - middle) : robot.q[i];
+      if (!(x < low || x > high)) continue;
+      words.push(
+        `${name} leaves its ${what} of ${shown(low, unit)} to ${shown(high, unit)}: ${shown(robot.q[i], unit)}`,
+      );
+    }
+    return words;
   }
 
-  // What acts on the bodies besides the motors, as [force; moment] about their mass centres: a hand, and the stops.
-  function loads(q, q_dot) {
-    const W = rest.slice();
-    byHand(W, q, q_dot);
-    for (const stop of impulsive ? [] : d.stops) {
-      const size = pushOf(stop, q, q_dot);
-      if (size) press(W, F.places(q).slice(), stop, size);
+  function largeEfforts(tau) {
+    const { owners, units, limits } = data.motors, words = [];
+    tau.forEach((x, k) => {
+      if (limits[k] === null || !(Math.abs(x) > limits[k])) return;
+      words.push(`${owners[k]} is beyond its effort limit of ${Number(limits[k].toPrecision(3))} ${units[k]}`);
+    });
+    return words;
+  }
+
+  // Efforts of the motors: those that act, or those that hold the pose.
+  function measure(isRunning) {
+    let efforts = zeros(motors);
+    if (isRunning) efforts = impulsive ? actingEfforts : drivenEfforts(robot.q, robot.va, moved);
+    else if (common.torques) efforts = holdingTorques();
+    return efforts.map(finite);
+  }
+
+  // Whether the robot stays at rest without a hand: no acceleration is larger than rounding.
+  function rests() {
+    const tau = robot.way === "sliders" ? robot.efforts : noTorques;
+    const aa = own.state_rate(robot.q, noRates, tau, noWrenches).slice(nq, nq + n);
+    const rounding = 1e-9 * data.fall / data.size;
+    return robot.way !== "hold" && aa.every((x, k) => Math.abs(x) < rounding * scale[k]);
+  }
+
+  // --- wrenches ------------------------------------------------------------------------------
+
+  // Wrenches on the bodies besides those of the motors, [force; moment] about their mass centres: of the
+  // hand and, without impulses, of the stops.
+  function wrenches(q, q_dot) {
+    const W = noWrenches.slice();
+    addHand(W, q, q_dot);
+    for (const stop of impulsive ? [] : data.stops) {
+      const force = stopForce(stop, q, q_dot);
+      if (force) addAlongJoint(W, common.places(q).slice(), stop, force);
     }
     return W;
   }
 
-  // Add a force at the point p of a body to W.
-  function addForce(W, M, body, p, force) {
-    const c = on(M, { body, at: d.centres[body] });
+  // Add a force at a point p of a body to W.
+  function addForce(W, places, body, p, force) {
+    const centre = pointOf(places, { body, at: data.centres[body] });
     [0, 1, 2].forEach((i) => {
-      const [j, k] = [(i + 1) % 3, (i + 2) % 3];
+      const j = (i + 1) % 3, k = (i + 2) % 3;
       W[6 * body - 6 + i] += force[i];
-      W[6 * body - 3 + i] += (p[j] - c[j]) * force[k] - (p[k] - c[k]) * force[j];
+      W[6 * body - 3 + i] += (p[j] - centre[j]) * force[k] - (p[k] - centre[k]) * force[j];
     });
   }
 
-  function byHand(W, q, q_dot) { // a spring, or a push
-    const { grip } = r;
-    if (!grip || !(grip.target || r.time < grip.until)) return;
-    const M = F.places(q).slice(), p = on(M, grip), speed = grip.target && velocity(grip, q, q_dot);
-    const force = grip.target ? p.map((x, i) => grip.mass * (grip.pull ** 2 * (grip.target[i] - x) - 1.4 * grip.pull * speed[i])) : grip.force;
-    addForce(W, M, grip.body, p, force);
-  }
-
-  // Add a force along the axis of a joint, or a moment about it, to W: on its body, and the opposite on the parent.
-  function press(W, M, { body, parent, turns, axis }, size) {
-    const origin = on(M, { body, at: [0, 0, 0] }), tip = on(M, { body, at: axis }), along = tip.map((x, i) => size * (x - origin[i]));
-    for (const [owner, sign] of [[body, 1], [parent, -1]]) {
-      if (!owner) continue;
-      if (turns) along.forEach((x, i) => { W[6 * owner - 3 + i] += sign * x; });
-      else addForce(W, M, owner, origin, along.map((x) => sign * x));
+  // Add a force along the axis of a joint, or a moment about it: on its body, the opposite on the parent.
+  function addAlongJoint(W, places, { body, parent, turns, axis }, size) {
+    const origin = pointOf(places, { body, at: [0, 0, 0] });
+    const along = pointOf(places, { body, at: axis }).map((x, i) => size * (x - origin[i]));
+    for (const [link, sign] of [[body, 1], [parent, -1]]) {
+      if (!link) continue; // the ground
+      if (turns) along.forEach((x, i) => { W[6 * link - 3 + i] += sign * x; });
+      else addForce(W, places, link, origin, along.map((x) => sign * x));
     }
   }
 
-  // --- stops -----------------------------------------------------------------------------------
+  // Add the force of the hand: a spring to the target with a damping of 0.7 times the critical one, or a
+  // push.
+  function addHand(W, q, q_dot) {
+    const { grip } = robot;
+    if (!grip || !(grip.target || robot.time < grip.until)) return;
+    const places = common.places(q).slice(), p = pointOf(places, grip);
+    let { force } = grip;
+    if (grip.target) {
+      const { target, mass, pull } = grip, speed = velocityOf(grip, q, q_dot);
+      force = p.map((x, i) => mass * (pull ** 2 * (target[i] - x) - 1.4 * pull * speed[i]));
+    }
+    addForce(W, places, grip.body, p, force);
+  }
 
-  const stopStiffness = (SPRING ** 2 * d.fall) / d.size; // per inertia
-  let felt = new Map(); // inertia that a force along a joint feels, of the stops that act
+  // A stop is a spring with critical damping. Its stiffness per inertia:
+  const stopStiffness = (STOP_FREQUENCY ** 2 * data.fall) / data.size;
+  let stopInertias = new Map(); // of the stops that act, from one frame to the next
 
-  // Force of a stop on its joint: a spring with critical damping that begins a little before the limit, and only pushes.
-  function pushOf(stop, q, q_dot) {
-    const { i, low, high } = stop, buffer = Math.min(BUFFER * d.scales[i], (high - low) / 8);
+  // Force of a stop on its joint. It begins a little before the limit, and only pushes.
+  function stopForce(stop, q, q_dot) {
+    const { i, low, high } = stop;
+    const buffer = Math.min(STOP_BUFFER * data.scales[i], (high - low) / 8);
     const below = low + buffer - q[i], above = q[i] - high + buffer;
     if (below <= 0 && above <= 0) return 0;
-    const [depth, sense] = below > 0 ? [below, 1] : [above, -1];
-    if (!felt.has(stop)) felt.set(stop, inertiaAlong(stop, q));
-    return sense * felt.get(stop) * Math.max(0, stopStiffness * depth - 2 * Math.sqrt(stopStiffness) * sense * q_dot[i]);
+    const depth = below > 0 ? below : above, sense = below > 0 ? 1 : -1;
+    if (!stopInertias.has(stop)) stopInertias.set(stop, inertiaAlong(stop, q));
+    const push = stopStiffness * depth - 2 * Math.sqrt(stopStiffness) * sense * q_dot[i];
+    return sense * stopInertias.get(stop) * Math.max(0, push);
   }
 
-  function inertiaAlong(stop, q) { // of the whole robot, at rest
-    const W = rest.slice(), still = zeros(n), none = zeros(motors);
-    press(W, F.places(q).slice(), stop, 1);
-    const free = Array.from(now.state_rate(q, still, none, rest).subarray(nq, nq + n)), pressed = now.state_rate(q, still, none, W).subarray(nq, nq + n);
+  // Inertia that a force along a joint feels: that of the whole robot, at rest.
+  function inertiaAlong(stop, q) {
+    const W = noWrenches.slice();
+    addAlongJoint(W, common.places(q).slice(), stop, 1);
+    const accelerations = (loads) =>
+      Array.from(current.state_rate(q, noRates, noTorques, loads).subarray(nq, nq + n));
+    const free = accelerations(noWrenches), pressed = accelerations(W);
     const aa = free.map((x, k) => pressed[k] - x);
-    return 1 / Math.max(rates(now, q, aa)[stop.i], 1e-12);
+    return 1 / Math.max(current.rates(q, aa)[stop.i], 1e-12);
   }
 
-  function derivative(x, set) { // of q, the rates of the set, and what the own coordinates have moved
-    const q = x.slice(0, nq), u = x.slice(nq, nq + n), y = Array.from(rates(set, q, u)), va = own.coordinates.map((j) => y[nq + j]);
-    return [...set.state_rate(q, u, efforts(q, va, x.slice(nq + n)), loads(q, y.slice(0, nq))).subarray(0, nq + n), ...va];
+  // A body is gripped at a point: the mass that the hand feels there, and the frequency of its spring.
+  function gripped(grip) {
+    const J = jacobianColumns(grip), places = common.places(robot.q).slice(), p = pointOf(places, grip);
+    const accelerations = (W) => own.state_rate(robot.q, robot.va, noTorques, W).slice(nq, nq + n);
+    const free = accelerations(noWrenches);
+    // The acceleration along each axis by a unit force along it is the reciprocal of a mass.
+    const responses = [0, 1, 2].map((i) => {
+      const W = noWrenches.slice();
+      addForce(W, places, grip.body, p, unitVector(3, i));
+      const pushed = accelerations(W);
+      return J.reduce((sum, c, k) => sum + c[i] * (pushed[k] - free[k]), 0);
+    });
+    const mass = 1 / Math.max(...responses, 1e-9);
+    robot.grip = { ...grip, mass, pull: Math.sqrt(Math.max(150, 10 * data.fall / data.size)) }; // [rad/s]
   }
 
-  // Dormand and Prince's method of order 5, whose error estimate chooses the steps.
-  const NODES = [[], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9], [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
-    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656], [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]];
-  const ERROR = [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40];
-  function tried(h) {
-    const x = [...r.q, ...rate_, ...moved], units = [...d.scales, ...now.coordinates.map((j) => d.rate_scales[j]), ...scale], K = [];
-    let end = x;
-    for (const row of NODES) {
-      end = x.map((value, i) => row.reduce((sum, a, k) => sum + h * a * K[k][i], value));
-      K.push(derivative(end, now));
-    }
-    const error = x.map((value, i) => Math.abs(h * ERROR.reduce((sum, a, k) => sum + a * K[k][i], 0)) / (units[i] + Math.abs(value)));
-    return [end, Math.max(...error) / TOLERANCE];
+  // Push along a ray, as hard as gives the gripped mass the speed of a fall.
+  function push(ray) {
+    const size = robot.grip.mass * Math.sqrt(data.fall * data.size) / PUSH_TIME;
+    const force = ray.map((x) => size * x);
+    robot.grip = { ...robot.grip, target: null, force, until: robot.time + PUSH_TIME };
   }
+
+  // --- in time -------------------------------------------------------------------------------
+
+  // A simulation goes on in the `current` set of coordinates, with these rates, and a `step` in [s]. `moved`
+  // is how far the robot's own coordinates have come, and `goal` how far they shall, with "hold".
+  let current, currentRates, step, moved, goal;
 
   function start() {
-    [now, rate_, moved, goal, step] = [own, r.va.slice(), zeros(n), zeros(n), impulsive ? LONGEST * fall : 1e-3];
-    r.contactForces = [];
-    r.unsolved = false;
+    current = own;
+    currentRates = robot.va.slice();
+    moved = zeros(n);
+    goal = zeros(n);
+    step = impulsive ? LONGEST_STEP * fall : FIRST_STEP;
+    robot.contactForces = [];
+    robot.unsolved = false;
     if (impulsive) startImpulses();
   }
 
-  // Coordinates and pivots that suit the pose: the own ones, or others whose pivots are much larger.
-  function settle() {
-    const small = sets.map((set) => set.closing(r.q)[set.checked + 1]).map((x) => Number.isFinite(x) ? x : Infinity);
-    const best = sets[small.indexOf(Math.min(...small))], wanted = small[0] < 1e-3 ? own : Math.min(...small) * 16 < small[sets.indexOf(now)] ? best : now;
-    if (wanted === now) return;
-    const v = Array.from(rates(now, r.q, rate_)).slice(nq);
-    [now, rate_] = [wanted, wanted.coordinates.map((j) => v[j])];
+  // Go on by dt, or as far as the clock allows, `until`. Returns the time that is left, or words if the
+  // motion ends.
+  function advance(dt, until = Infinity) {
+    return impulsive ? advanceByImpulses(dt, until) : advanceSmoothly(dt, until);
   }
 
-  // Go on by dt, or as far as `until` allows; what is left, or words where the motion ends.
-  function advance(dt, until = Infinity) {
-    if (impulsive) return advanceByImpulses(dt, until);
+  // For "hold": let coordinate k go ahead, or all stay.
+  function goTo(k, ahead) {
+    if (impulsive) moveMotorGoals(k, ahead);
+    else if (k === undefined) goal = moved?.slice();
+    else goal[k] = moved[k] + ahead;
+  }
+
+  // Choose coordinates and pivots for the pose: the robot's own, or others if their pivots are much larger.
+  function chooseSet() {
+    const checks = sets.map((set) => {
+      const { smallPivots } = newtonStep(set, robot.q);
+      return Number.isFinite(smallPivots) ? smallPivots : Infinity;
+    });
+    const least = Math.min(...checks);
+    let wanted = current;
+    if (checks[0] < GOOD_PIVOTS) wanted = own;
+    else if (BETTER_PIVOTS * least < checks[sets.indexOf(current)]) wanted = sets[checks.indexOf(least)];
+    if (wanted === current) return;
+    const v = Array.from(current.rates(robot.q, currentRates)).slice(nq);
+    current = wanted;
+    currentRates = wanted.coordinates.map((j) => v[j]);
+  }
+
+  // The robot is at q after a step of length h, with rates of the current coordinates.
+  function accept(q, rates, h) {
+    const v = current.rates(q, rates).subarray(nq);
+    robot.q = q;
+    currentRates = rates;
+    robot.va = own.coordinates.map((j) => v[j]);
+    robot.time += h;
+  }
+
+  // --- smooth steps --------------------------------------------------------------------------
+
+  // Efforts of the motors; with "hold" those of a critically damped spring between coordinates and goals.
+  function drivenEfforts(q, va, displacement) {
+    if (robot.way !== "hold") return robot.way === "sliders" ? robot.efforts : zeros(motors);
+    const aa = goal.map((to, k) => HOLD_FREQUENCY ** 2 * (to - displacement[k]) - 2 * HOLD_FREQUENCY * va[k]);
+    return torques(q, noRates, aa);
+  }
+
+  // The rate of a state: of q, of the rates of the current coordinates, and of `moved`.
+  function derivative(state) {
+    const q = state.slice(0, nq), rates = state.slice(nq, nq + n), displacement = state.slice(nq + n);
+    const allRates = Array.from(current.rates(q, rates)), q_dot = allRates.slice(0, nq);
+    const va = own.coordinates.map((j) => allRates[nq + j]);
+    const W = wrenches(q, q_dot), tau = drivenEfforts(q, va, displacement);
+    return [...current.state_rate(q, rates, tau, W).subarray(0, nq + n), ...va];
+  }
+
+  // Dormand and Prince's method of order 5: coefficients of the stages, the last of which is the end of the
+  // step, and of the estimate of the error.
+  const STAGES = [
+    [],
+    [1 / 5],
+    [3 / 40, 9 / 40],
+    [44 / 45, -56 / 15, 32 / 9],
+    [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
+    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
+    [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+  ];
+  const ERROR = [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40];
+
+  // The state after a step of length h, and its error: at most 1 if it is good enough.
+  function tried(h) {
+    const before = [...robot.q, ...currentRates, ...moved];
+    const rateUnits = current.coordinates.map((j) => data.rate_scales[j]);
+    const units = [...data.scales, ...rateUnits, ...scale];
+    const slopes = [];
+    let end = before;
+    for (const coefficients of STAGES) {
+      end = before.map((x, i) => coefficients.reduce((sum, a, k) => sum + h * a * slopes[k][i], x));
+      slopes.push(derivative(end));
+    }
+    const errors = before.map((x, i) => {
+      const error = h * ERROR.reduce((sum, a, k) => sum + a * slopes[k][i], 0);
+      return Math.abs(error) / (units[i] + Math.abs(x));
+    });
+    return { end, error: Math.max(...errors) / TOLERANCE };
+  }
+
+  function advanceSmoothly(dt, until) {
     let left = dt;
-    felt = new Map();
-    while (left > 1e-12 && performance.now() < until) {
-      if (sets.length > 1) settle();
-      const h = Math.min(step, left), det = now.closing(r.q)[nq], [end, error] = tried(h);
-      const next = error <= 1 ? closed(end.slice(0, nq), now) : null, y = next && now.closing(next), ratio = y ? y[nq] / det : 1;
-      if (next && ratio > 1 / CHANGE && ratio < CHANGE) {
-        if (!(y[now.checked + 1] <= 1)) return "the simulation stopped close to a singularity";
-        [r.q, rate_, moved] = [next, end.slice(nq, nq + n), end.slice(nq + n)];
-        const v = rates(now, next, rate_).subarray(nq);
-        [r.va, r.time, left] = [own.coordinates.map((j) => v[j]), r.time + h, left - h];
-        if (h === step) step = h * Math.min(4, Math.max(0.2, 0.9 * error ** -0.2));
-      } else step = h * (error > 1 ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
-      if (!(step > SHORTEST)) return "the simulation stopped close to a singularity, where its steps became too short";
+    stopInertias = new Map();
+    while (left > END && performance.now() < until) {
+      if (sets.length > 1) chooseSet();
+      const h = Math.min(step, left);
+      const { det } = newtonStep(current, robot.q);
+      const { end, error } = tried(h);
+      const factor = Math.max(0.2, 0.9 * error ** -0.2); // of the next step, by the order of the error
+      const next = error <= 1 ? closed(end.slice(0, nq), current) : null;
+      const after = next && newtonStep(current, next);
+      if (next && keepsMode(det, after.det)) {
+        if (!(after.smallPivots <= 1)) return SINGULAR;
+        accept(next, end.slice(nq, nq + n), h);
+        moved = end.slice(nq + n);
+        left -= h;
+        if (h === step) step = h * Math.min(4, factor);
+      } else {
+        step = h * (error > 1 ? factor : 0.3);
+      }
+      if (!(step > SHORTEST_STEP)) return TOO_SHORT;
     }
     return left;
   }
 
-  // For "hold": where a coordinate is to go, or all stay.
-  function goTo(k, ahead) {
-    if (impulsive) { moveGoals(k, ahead); return; }
-    if (k === undefined) goal = moved?.slice();
-    else goal[k] = moved[k] + ahead;
-  }
+  // --- steps with impulses -------------------------------------------------------------------
+  // A robot with contacts or ropes makes the steps of `nonsmooth`: they have its stops, cables and dry
+  // friction too.
 
-  function measure(running) { // torques that act, or hold the pose
-    const found = running ? (impulsive ? acting : efforts(r.q, r.va, moved)) : F.torques ? r.torques(r.q, zeros(n), zeros(n)) : zeros(motors);
-    return found.map((x) => Number.isFinite(x) ? x : 0);
-  }
-
-  // Whether no acceleration is larger than rounding at rest, without a hand on the robot.
-  function rests() {
-    const aa = own.state_rate(r.q, zeros(n), r.way === "sliders" ? r.efforts : zeros(motors), rest).slice(nq, nq + n);
-    return r.way !== "hold" && aa.every((x, k) => Math.abs(x) < 1e-9 * d.fall / d.size * scale[k]);
-  }
-
-  // --- contacts and ropes --------------------------------------------------------------------
-  // A robot with them makes the steps of `nonsmooth`, which also contain stops, cables and dry friction.
-
-  // Of the last step: impulses, and what the motors gave. Limits of the stops. What the motors have moved, and shall have; goals of the coordinates.
-  let impulses, acting, limits, motorsMoved, motorGoals, goals;
+  let impulses, actingEfforts; // of the last step
+  let limits; // of the stops
+  let motorsMoved, motorGoals; // how far the motors have come, and how far they shall with "hold"
+  let goals; // where the coordinates then are
 
   // "hold" keeps motors in place by stiffness and damping; winches of cables have none.
   const stiffness = zeros(motors).map((_, k) => {
     if (functions.nonsmooth?.cables.some(({ shares }) => shares[k])) return 0;
-    return WEIGHTS * d.weight * (d.motors.units[k] === "N m" ? d.size : 1 / d.size);
+    const perUnit = data.motors.units[k] === "N m" ? data.size : 1 / data.size;
+    return HOLD_STIFFNESS * data.weight * perUnit;
   });
 
-  function startImpulses() { // a start beyond a limit moves the limit there
-    const { stops } = functions.nonsmooth;
+  function startImpulses() {
     impulses = impulsive.none();
-    limits = stops.map(({ position, side, limit }) => side > 0 ? Math.min(limit, r.q[position]) : Math.max(limit, r.q[position]));
-    [acting, motorsMoved] = [zeros(motors), zeros(motors)];
-    moveGoals();
+    // A start beyond a limit moves the limit there.
+    limits = functions.nonsmooth.stops.map(({ position, side, limit }) => {
+      const furthest = side > 0 ? Math.min : Math.max;
+      return furthest(limit, robot.q[position]);
+    });
+    actingEfforts = zeros(motors);
+    motorsMoved = zeros(motors);
+    moveMotorGoals();
   }
 
-  // Matrices of a step, or null where a check fails; the first check is that loops are closed, as above.
+  // The terms of a step, or null if one of their checks fails; the first one does not count, as in `valid`.
   function termsOf(set, rates, W) {
-    const y = set.terms(r.q, rates, W);
-    return y.subarray(set.size + 1).every((check) => check <= 1) ? impulsive.read(set.layout, y) : null;
+    const y = set.terms(robot.q, rates, W);
+    const isGood = y.subarray(set.termsOutputs + 1).every((check) => check <= 1);
+    return isGood ? impulsive.read(set.layout, y) : null;
   }
 
-  const motorRows = ({ implicit }) => implicit.slice(implicit.length - motors); // their rates for those of the coordinates
+  // Rates of the motors by those of the coordinates: the last rows of implicit forces.
+  const motorRows = ({ implicit }) => implicit.slice(implicit.length - motors);
 
-  // Where a coordinate is to go, or all motors stay.
-  function moveGoals(k, ahead) {
-    const values = d.coordinates.map((_, j) => value(j));
+  function moveMotorGoals(k, ahead) {
+    const values = data.coordinates.map((_, j) => value(j));
     if (k === undefined) {
-      [motorGoals, goals] = [motorsMoved.slice(), values];
+      motorGoals = motorsMoved.slice();
+      goals = values;
       return;
     }
-    const wanted = values[k] + ahead, change = d.coordinates[k].kind === "angle" ? turned(wanted - goals[k]) : wanted - goals[k];
-    const terms = termsOf(own, r.va, rest);
+    const wanted = values[k] + ahead;
+    const difference = wanted - goals[k];
+    const change = data.coordinates[k].kind === "angle" ? turned(difference) : difference;
+    const terms = termsOf(own, robot.va, noWrenches);
     if (!terms) return;
     motorRows(terms).forEach((row, i) => { motorGoals[i] += row[k] * change; });
     goals[k] = wanted;
   }
 
-  // Rates after a step of length h, impulses and their residual; null where there is no solution.
-  function stepped(terms, h) {
-    if (!terms) return null;
-    const hold = r.way === "hold", gains = { stiffness: hold ? stiffness : zeros(motors) };
-    gains.damping = gains.stiffness.map((x) => SETTLING * fall * x);
-    let given = r.way === "sliders" ? r.efforts : zeros(motors);
-    if (hold && r.holds) given = torques(r.q, zeros(n), zeros(n)).map((x) => Number.isFinite(x) ? x : 0); // at rest, without contacts
-    given = given.map((x, k) => x + gains.stiffness[k] * (motorGoals[k] - motorsMoved[k]));
-    const end = impulsive.step(terms, { q: r.q, va: rate_, efforts: given, gains, limits, h, start: impulses });
-    if (!end) return null;
-    const motorRates = motorRows(terms).map((row) => row.reduce((sum, x, i) => sum + x * end.rates[i], 0));
-    const gives = given.map((x, k) => x - (gains.damping[k] + h * gains.stiffness[k]) * motorRates[k]);
-    return { ...end, motorRates, gives };
+  // Gains of the motors, and their efforts at the beginning of a step without damping.
+  function motorControl() {
+    const isHeld = robot.way === "hold";
+    const gains = { stiffness: isHeld ? stiffness : zeros(motors) };
+    gains.damping = gains.stiffness.map((x) => HOLD_DAMPING * fall * x);
+    let efforts = robot.way === "sliders" ? robot.efforts : zeros(motors);
+    if (isHeld && robot.holds) efforts = holdingTorques().map(finite); // which know of no contacts
+    efforts = efforts.map((x, k) => x + gains.stiffness[k] * (motorGoals[k] - motorsMoved[k]));
+    return { gains, efforts };
   }
 
-  // As `advance`, by steps of one length, which are shorter near singularities.
+  // The end of a step of length h: rates of the current coordinates, impulses and their residual, rates
+  // and efforts of the motors; null where there is no solution.
+  function impulsiveStep(terms, h) {
+    const { gains, efforts } = motorControl();
+    const state = { q: robot.q, va: currentRates, efforts, gains, limits, h, start: impulses };
+    const end = impulsive.step(terms, state);
+    if (!end) return null;
+    const motorRates = motorRows(terms).map((row) => row.reduce((sum, x, i) => sum + x * end.rates[i], 0));
+    const damped = efforts.map((x, k) => x - (gains.damping[k] + h * gains.stiffness[k]) * motorRates[k]);
+    return { ...end, motorRates, efforts: damped };
+  }
+
+  // As `advanceSmoothly`, by steps of one length, which are shorter near singularities.
   function advanceByImpulses(dt, until) {
+    const distance = (a, b) => Math.max(...a.map((x, i) => Math.abs(x - b[i]) / data.scales[i]));
     let left = dt;
-    while (left > 1e-12 && performance.now() < until) {
-      if (sets.length > 1) settle();
-      const h = left / Math.ceil(left / step), det = now.closing(r.q)[nq], q_dot = rates(now, r.q, rate_).slice(0, nq);
-      const terms = termsOf(now, rate_, loads(r.q, q_dot));
-      const end = stepped(terms, h), ahead = end && Array.from(rates(now, r.q, end.rates).subarray(0, nq), (x, i) => r.q[i] + h * x);
-      const next = ahead?.every(Number.isFinite) ? closed(ahead, now) : null;
-      const way = (a, b) => Math.max(...a.map((x, i) => Math.abs(x - b[i]) / d.scales[i]));
-      const y = next && now.closing(next), ratio = y ? y[nq] / det : 0;
-      if (ratio > 1 / CHANGE && ratio < CHANGE && way(next, ahead) <= BEND * way(next, r.q) + 1e-9) {
-        if (!(y[now.checked + 1] <= 1)) return "the simulation stopped close to a singularity";
-        [r.q, rate_, impulses, acting] = [next, Array.from(end.rates), end.x, end.gives];
+    while (left > END && performance.now() < until) {
+      if (sets.length > 1) chooseSet();
+      const h = left / Math.ceil(left / step);
+      const { det } = newtonStep(current, robot.q);
+      const q_dot = current.rates(robot.q, currentRates).slice(0, nq);
+      const terms = termsOf(current, currentRates, wrenches(robot.q, q_dot));
+      const end = terms && impulsiveStep(terms, h);
+      let ahead = null; // q before the loops are closed
+      if (end) {
+        const rates = current.rates(robot.q, end.rates);
+        ahead = robot.q.map((x, i) => x + h * rates[i]);
+      }
+      const next = ahead?.every(Number.isFinite) ? closed(ahead, current) : null;
+      const after = next && newtonStep(current, next);
+      const isSound = next && keepsMode(det, after.det)
+        && distance(next, ahead) <= BEND * distance(next, robot.q) + 1e-9;
+      if (isSound) {
+        if (!(after.smallPivots <= 1)) return SINGULAR;
+        accept(next, Array.from(end.rates), h);
+        impulses = end.x;
+        actingEfforts = end.efforts;
         motorsMoved = motorsMoved.map((x, k) => x + h * end.motorRates[k]);
-        r.contactForces = functions.nonsmooth.contacts.map((_, k) => Array.from(end.x.slice(3 * k, 3 * k + 3), (x) => x / h));
-        r.unsolved = !(end.residual <= impulsive.SOLVED);
-        const v = rates(now, next, rate_).subarray(nq);
-        [r.va, r.time, left] = [own.coordinates.map((j) => v[j]), r.time + h, left - h];
-        step = Math.min(2 * step, LONGEST * fall);
-      } else step = 0.3 * h;
-      if (!(step > SHORTEST)) return "the simulation stopped close to a singularity, where its steps became too short";
+        const contactForce = (_, k) => Array.from(end.x.slice(3 * k, 3 * k + 3), (x) => x / h);
+        robot.contactForces = functions.nonsmooth.contacts.map(contactForce);
+        robot.unsolved = !(end.residual <= impulsive.SOLVED);
+        left -= h;
+        step = Math.min(2 * step, LONGEST_STEP * fall);
+      } else {
+        step = 0.3 * h;
+      }
+      if (!(step > SHORTEST_STEP)) return TOO_SHORT;
     }
     return left;
   }
 
-  // --- the hand ------------------------------------------------------------------------------
-
-  // A point of a body in a hand: what mass it feels, and a spring that pulls it.
-  function gripped(grip) {
-    const J = columns(grip), none = own.state_rate(r.q, r.va, zeros(motors), rest).slice(nq);
-    const response = [0, 1, 2].map((i) => {
-      r.grip = { ...grip, force: [0, 1, 2].map((j) => Number(i === j)), until: Infinity };
-      const W = rest.slice();
-      byHand(W, r.q);
-      const more = own.state_rate(r.q, r.va, zeros(motors), W).slice(nq);
-      return J.reduce((sum, c, k) => sum + c[i] * (more[k] - none[k]), 0);
-    });
-    r.grip = { ...grip, mass: 1 / Math.max(...response, 1e-9), pull: Math.sqrt(Math.max(150, 10 * d.fall / d.size)) };
-  }
-
-  function push(ray) { // along a ray, as hard as makes the speed of a fall by the robot's length
-    const size = r.grip.mass * Math.sqrt(d.fall * d.size) / PUSH;
-    r.grip = { ...r.grip, target: null, force: ray.map((x) => size * x), until: r.time + PUSH };
-  }
-
   start();
-  return Object.assign(r, {
+  return Object.assign(robot, {
     reset, move, value, condition, measure, follow, start, advance, goTo, gripped, push, rests, wrong,
-    holds: Boolean(F.torques),
-    keepsMotors: Boolean(F.torques || (impulsive && motors)),
+    holds: Boolean(common.torques),
+    keepsMotors: Boolean(common.torques || (impulsive && motors)),
     torques,
-    accelerations: (q, va, tau) => judged(own.state_rate(q, va, tau, rest), nq + n, nq),
-    energies: () => Array.from(F.energies(r.q, rates(own, r.q, r.va).subarray(nq))),
-    places: () => F.places(r.q),
-    point: (grip) => on(F.places(r.q), grip),
+    accelerations: (q, va, tau) => valid(own.state_rate(q, va, tau, noWrenches), nq + n, nq),
+    energies: () => Array.from(common.energies(robot.q, own.rates(robot.q, robot.va).subarray(nq))),
+    places: () => common.places(robot.q),
+    point: (grip) => pointOf(common.places(robot.q), grip),
   });
 }
