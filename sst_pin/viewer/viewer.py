@@ -182,45 +182,39 @@ class Viewer:
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
-        rollout = None
-        if isinstance(motion, NonsmoothRollout):
-            if self._with_reactions:
-                problem = "not of a nonsmooth motion; pass a Trajectory, or reactions=False"
-                raise InputError("reactions", problem)
-            rollout = motion
-            motion = states_of(self._robot.mechanism, rollout)
-        for name, each in (("motion", motion), ("ghost", ghost), ("wanted", wanted)):
+        states = self._states_of(motion)
+        for name, each in (("motion", states), ("ghost", ghost), ("wanted", wanted)):
             if each is not None:
                 require_motion(each, self._robot.mechanism, name)
         if ghost is not None:
-            ghost = same_time(motion, ghost)
+            ghost = same_time(states, ghost)
         if wanted is None:
             wanted = ghost
         speed = positive_number("speed", speed)
         if wanted is not None and len(wanted) == 1:
             raise InputError("wanted", "one sample, which is no path")
-        if len(motion) == 1:
-            self.show(motion.q[0], motion.tau[0])
+        if len(states) == 1:
+            self.show(states.q[0], states.tau[0])
             return
 
         # Forces and curves: a nonsmooth motion has contacts, others have torques and reactions.
-        samples = samples_of_page(len(motion))
-        shown = motion[samples]
+        samples = samples_of_page(len(states))
+        shown = states[samples]
         contacts = NO_FORCES
         reactions = NO_FORCES
-        if rollout is None:
-            curves = curves_of(self._robot, shown)
-            reactions = self._reactions_of(shown)
-        else:
+        if isinstance(motion, NonsmoothRollout):
             curves = [joints_of(self._robot, shown.q), rates_of(shown)]
             if self._scene.contacts:
-                forces = mean_forces(rollout.contact_forces, samples)
+                forces = mean_forces(motion.contact_forces, samples)
                 contacts = contact_forces(self._robot, forces)
+        else:
+            curves = curves_of(self._robot, shown)
+            reactions = self._reactions_of(shown)
         shares = torque_shares(self._robot, shown.tau)
         effort = self._scene.layout.efforts(shares, reactions.shares, contacts.shares)
 
         # The scene, and the points that the camera must see.
-        reference = thinned(wanted or motion).q
+        reference = thinned(wanted or states).q
         self._drawing.animate(shown, effort, reference, ghost)
         points = self._scene.outermost_points(shown.q, effort, reference)
         layers = self._scene.layers
@@ -231,9 +225,9 @@ class Viewer:
             layers = layers | {"ghost": True}
         self._set_panel(
             title=title,
-            checked=motion,
-            q=motion.q[0],
-            va=motion.va[0],
+            checked=states,
+            q=states.q[0],
+            va=states.va[0],
             outermost_points=points,
             curves=[*contacts.curves, *curves, *reactions.curves],
             note=contacts.note or reactions.note,
@@ -241,6 +235,19 @@ class Viewer:
             speed=speed,
             layers=layers,
         )
+
+    def _states_of(self, motion: Trajectory | NonsmoothRollout) -> Trajectory:
+        """The states of a motion, smooth or nonsmooth.
+
+        Raises:
+            InputError: For several nonsmooth motions, or if reactions of one would be shown.
+        """
+        if not isinstance(motion, NonsmoothRollout):
+            return motion
+        if self._with_reactions:
+            problem = "not of a nonsmooth motion; pass a Trajectory, or reactions=False"
+            raise InputError("reactions", problem)
+        return states_of(self._robot.mechanism, motion)
 
     def _reactions_of(self, motion: Trajectory) -> ShownForces:
         """The reactions along a motion under its torques and weights; none if they are not shown.
