@@ -96,6 +96,14 @@ def test_what_rolls_keeps_its_energy_and_does_not_slip(kind):
         assert np.abs(chain.Phi(q) @ v).max() < 1e-12 * np.abs(v).max()
 
 
+def on_a_cable(**numbers):
+    """A body of 1 kg that slides along x, on an elastic cable from the origin."""
+    model = tree(("slide", pin.JointModelPX(), 1.0, 1.0), gravity=False)
+    mark(model, 1, "hook", at())
+    cable = LineForce("universe", "hook", pulls_only=True, **numbers)
+    return ClosedChain(model, [], [], coordinates=["slide"], lines=[cable])
+
+
 @pytest.mark.parametrize(
     ("length", "rate", "tension", "of_spring"),
     [
@@ -109,18 +117,12 @@ def test_a_damped_cable_takes_the_power_of_its_tension_beyond_its_spring(
     length, rate, tension, of_spring
 ):
     """By hand: stiffness 10 N/m, rest length 0.5 m, damping 4 N s/m, along a slide."""
-    model = tree(("slide", pin.JointModelPX(), 1.0, 1.0), gravity=False)
-    cable = LineForce(
-        "universe", "slide", stiffness=10, rest_length=0.5, damping=4, pulls_only=True
-    )
-    chain = ClosedChain(model, [], [], coordinates=["slide"], lines=[cable])
+    chain = on_a_cable(stiffness=10, rest_length=0.5, damping=4)
     assert chain.compute_accelerations([length], [rate], []) == pytest.approx(-tension)
     power = chain.friction_power([length], [rate])
     assert power == pytest.approx(-(tension - of_spring) * rate, abs=1e-12)
 
 
 def test_a_cable_that_never_pulls_has_no_energy():
-    model = tree(("slide", pin.JointModelPX(), 1.0, 1.0), gravity=False)
-    cable = LineForce("universe", "slide", preload=-3.0, damping=1.0, pulls_only=True)
-    chain = ClosedChain(model, [], [], coordinates=["slide"], lines=[cable])
+    chain = on_a_cable(preload=-3.0, damping=1.0)
     assert chain.potential_energy([[0.2], [0.9]]).tolist() == [0.0, 0.0]
