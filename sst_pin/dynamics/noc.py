@@ -116,16 +116,20 @@ class JointComplement:
             return  # sufficient, as in `_require_rates`
         allowed = self._slack * size
         worst = int(np.abs(left).argmax())
-        if not np.isfinite(size) or abs(left[worst]) <= allowed:
-            return
-        rows = [(closure, row) for closure in mechanism.closures for row in closure.rows]
-        closure, row = rows[worst]
+        if np.isfinite(size) and not abs(left[worst]) <= allowed:
+            self._refuse_motion(rates, worst)
+
+    def _refuse_motion(self, rates: Array, row: int) -> None:
+        """Raise the error of rates, free of units, to which no accelerations satisfy a row."""
+        mechanism = self._mechanism
+        rows = [(closure, name) for closure in mechanism.closures for name in closure.rows]
+        closure, row_name = rows[row]
         moving = np.abs(rates) > RESTS * np.abs(rates).max()
         names = listed(np.array(mechanism.space.rate_names)[moving].tolist())
         raise SingularConfigurationError(
             f"singular configuration: rates of the joints {names} are possible here, but no motion "
-            f"with them: no accelerations satisfy the row {row} of the closure {closure}; move "
-            "away, or lock joints that cannot move: locked=[...]",
+            f"with them: no accelerations satisfy the row {row_name} of the closure {closure}; "
+            "move away, or lock joints that cannot move: locked=[...]",
             float("inf"),
         )
 
@@ -196,16 +200,18 @@ class JointComplement:
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
         others = choose_coordinates(mechanism, np.nan_to_num(scaled))
         names = listed(mechanism.space.names_of(others.tolist()))
-        k = len(others)
-        n = len(mechanism.coordinates)
-        cure = f"move away, or use chain.with_coordinates([...]); here {names} describe the motion"
-        if k > n:
-            cure = (
-                f"the closures leave {k} freedoms here to {n} coordinates; move away, or where "
-                f"they do so everywhere use chain.with_coordinates([{names}])"
-            )
-        if not k:
+        if not len(others):
             cure = "nothing can move here"
+        elif len(others) > len(mechanism.coordinates):
+            cure = (
+                f"the closures leave {len(others)} freedoms here to {len(mechanism.coordinates)} "
+                "coordinates; move away, or where they do so everywhere use "
+                f"chain.with_coordinates([{names}])"
+            )
+        else:
+            cure = (
+                f"move away, or use chain.with_coordinates([...]); here {names} describe the motion"
+            )
         raise SingularConfigurationError(
             f"singular configuration: {why}; {cure}",
             condition_number(
