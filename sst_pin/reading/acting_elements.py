@@ -62,18 +62,18 @@ def unread_elements(root: ET.Element) -> Iterator[Problem]:
         elif element.tag == "ros2_control":
             yield from _ros2_control(element, one_axis_joints(root))
         elif element.tag not in _HARMLESS:
-            names = sorted(known_names & _texts(element))
+            names = sorted(known_names & texts_of(element))
             if names:
                 yield warning(f"<{element.tag}>", f"of {listed(names)} is not read")
     yield from _attributes_of_joints(root)
 
 
-def _texts(element: ET.Element) -> set[str]:
-    """All attributes and texts of an element and of those in it."""
+def texts_of(element: ET.Element) -> set[str]:
+    """All attributes and texts of an element and of those in it, without white space around."""
     texts = set[str]()
     for part in element.iter():
         texts.update(part.attrib.values())
-        texts.add(part.text or "")
+        texts.add((part.text or "").strip())
     return texts
 
 

@@ -5,9 +5,10 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
 
-from .acting_elements import plugin_problem
+from ..summaries import listed
+from .acting_elements import plugin_problem, texts_of
 from .joint_graph import WORLD
-from .problems import is_true, warning
+from .problems import is_true, stands_for, warning
 from .sdf_model import SdfModel
 
 
@@ -49,6 +50,7 @@ def note_unread(model: SdfModel, worlds: Sequence[ET.Element]) -> None:
         for plugin in parent.findall("plugin"):
             model.notes += plugin_problem(plugin, parent.tag)
     _note_forces_of_medium(model)
+    _note_elements_of_tools(model)
     _note_poses_in_world(model)
 
 
@@ -76,6 +78,45 @@ def _note_forces_of_medium(model: SdfModel) -> None:
             has_wind = True
     if has_wind:
         model.notes.append(warning("model", "wind is not read"))
+
+
+#: Elements of a model that need no warning: they exert no force, or other functions read them.
+#: Any other element may act. It gets a warning if it names a link, a joint or a frame.
+_HARMLESS = {
+    "allow_auto_disable",
+    "enable_wind",
+    "frame",
+    "gripper",
+    "include",
+    "joint",
+    "link",
+    "model",
+    "plugin",
+    "pose",
+    "self_collide",
+    "static",
+    "drake:collision_filter_group",
+}
+#: Elements of other tools in a joint that are about its motor, whose torque is an argument.
+_OF_MOTORS = {"drake:controller_gains"}
+
+
+def _note_elements_of_tools(model: SdfModel) -> None:
+    """Warn of elements that other tools add, such as bushings and rotors of Drake."""
+    joints = model.element.findall("joint")
+    known_names = {part.get("name", "") for part in (*joints, *model.element.findall("frame"))}
+    known_names.update(model.links)
+    for element in model.element:
+        names = sorted(known_names & texts_of(element))
+        if element.tag not in _HARMLESS and names:
+            text = f"of {listed(names)} is not read"
+            model.notes.append(warning(f"<{element.tag}>", text))
+    for joint in joints:
+        for part in joint.iter():
+            is_of_tool = ":" in part.tag and part.tag not in _OF_MOTORS
+            if is_of_tool and not stands_for(part.text or "", 0):
+                where = f"joint {joint.get('name')}"
+                model.notes.append(warning(where, f"<{part.tag}> is not read"))
 
 
 def _note_poses_in_world(model: SdfModel) -> None:

@@ -194,6 +194,9 @@ LIMITS = "<limit><lower>2</lower><upper>1</upper></limit>"
 RUBS = "<dynamics><damping>3</damping></dynamics>"
 FOLLOWS = '<mimic joint="m1"/>'
 WATER = "gz::sim::systems::Hydrodynamics"
+FRAME_A = "<drake:bushing_frameA> a </drake:bushing_frameA>"
+BUSHING = f"<drake:linear_bushing_rpy>{FRAME_A}</drake:linear_bushing_rpy>"
+ROTOR = "<drake:rotor_inertia>0.1</drake:rotor_inertia>"
 
 
 def turning(inside: str = "", xyz: str = "0 0 1", kind: str = "revolute") -> list[str]:
@@ -327,10 +330,12 @@ def told_of(text: str, tmp_path) -> tuple[sst_pin.ClosedChain, str]:
         ),
         ("<axis><xyz>0 0 1</xyz></axis>", "", "joint j: revolute without <axis>"),
         ("</model>", "</model><include><uri>box</uri></include>", "in <world>: box is not read"),
+        ("</link>", f"</link>{BUSHING}", "<drake:linear_bushing_rpy>: of a is not read"),
+        ("<axis>", f"{ROTOR}<axis>", "joint j: <drake:rotor_inertia> is not read"),
         ("<inert", "<gravity>false</gravity><inert", ""),
     ],
 )
-def test_what_acts_in_gazebo_and_is_not_read_is_named(old, new, told, tmp_path):
+def test_what_acts_in_other_tools_and_is_not_read_is_named(old, new, told, tmp_path):
     text = sdf(*turning())
     assert old in text
     chain, texts = told_of(text.replace(old, new, 1), tmp_path)
