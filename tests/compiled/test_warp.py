@@ -278,8 +278,9 @@ def test_derivatives_of_a_floating_cassie_are_those_of_the_reference_path():
 
 @pytest.mark.parametrize("name", slow("ankle", "bricard", "delta", "governor"))
 def test_machine_code_for_a_gpu_is_made_without_one(name):
-    """With at most the 255 registers that a thread can have."""
+    """With at most the 255 registers that a thread can have, and 2 kB of stack."""
     chain = EVERY_ROBOT[name]()
     for row in load("scripts/benchmark/gpu.py").resources(name, chain, "float64", 90):
         assert 0 < row["registers"] <= 255
+        assert row["stack"] <= 2048
         assert row["code"] > 1000

@@ -2,11 +2,19 @@
 /* Beside real.h in a class of a function of Warp, in C++: one thread computes one sample. */
 
 /* The parameters of a sample are `step` numbers apart, so that neighbours in memory are those of
- * neighbouring samples. */
+ * neighbouring samples. The compiler for a GPU does not know that `step` stays the same: otherwise it
+ * computes all addresses before the loops of a step, and keeps them in the stack. */
 struct strided {
     number *data;
-    size_t step;
-    number &operator[](size_t k) const { return data[k * step]; }
+    unsigned step;
+    number &operator[](unsigned k) const
+    {
+        unsigned distance = step;
+#ifdef __CUDA_ARCH__
+        asm volatile("" : "+r"(distance));
+#endif
+        return data[(size_t)k * distance];
+    }
 };
 typedef strided parameters;
 typedef strided constants;
@@ -21,7 +29,7 @@ typedef wp::array_t<int> flags;
 /* Samples along the first axis of p; one column is for all of them. */
 HELPER strided column(const rows &p, int i)
 {
-    const size_t samples = p.shape[1];
+    const unsigned samples = p.shape[1];
     return {p.data + (samples > 1 ? i : 0), samples};
 }
 
