@@ -58,10 +58,7 @@ def lines_of(
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
             continue
 
-        shortest, longest = mj.tendon_lengthspring[tendon]
-        problem = line_problem(compiled, tendon)
-        if not problem and force.stiffness and shortest != longest:
-            problem = "a springlength with a dead band is not supported; give one number"
+        problem = line_problem(compiled, tendon) or _dead_band_problem(compiled, tendon, force)
         if problem:
             compiled.problems.append(f"tendon {name}: {problem}")
             continue
@@ -96,6 +93,22 @@ def _force_of(compiled: Compiled, tendon: int) -> _Force:
     return _Force(stiffness, damping, dry_friction, compiled.tendon_armature[tendon])
 
 
+def _dead_band_problem(compiled: Compiled, tendon: int, force: _Force) -> str:
+    """Why the lengths without a force of the spring make no line; empty if they do.
+
+    A spring that has no force from length 0 on is a cable, which only pulls.
+    """
+    shortest, longest = compiled.mj.tendon_lengthspring[tendon]
+    if not force.stiffness or shortest == longest:
+        return ""
+    if shortest > 0:
+        return "a springlength with a dead band is supported from 0 only, as a cable"
+    if force.damping or force.dry_friction or force.mass:
+        text = "damping, frictionloss and armature act on a slack cable too"
+        return f"a springlength with a dead band, and {text}; give them to a second tendon"
+    return ""
+
+
 def _line(
     compiled: Compiled,
     tendon: int,
@@ -107,17 +120,19 @@ def _line(
     mj = compiled.mj
     lower, upper = limits
     site_a, site_b = mj.wrap_objid[compiled.wraps(tendon)]
+    shortest, longest = mj.tendon_lengthspring[tendon]
     with naming(compiled.source):
         return LineForce(
             compiled.name("site", site_a),
             compiled.name("site", site_b),
             name=compiled.name("tendon", tendon),
             stiffness=force.stiffness,
-            rest_length=mj.tendon_lengthspring[tendon, 0] if force.stiffness else 0.0,
+            rest_length=longest if force.stiffness else 0.0,
             damping=force.damping,
             coulomb_friction=force.dry_friction,
             mass=force.mass,
             lower=max(lower, 0.0),
             upper=upper if upper < FAR else np.inf,
             effort=effort,
+            pulls_only=bool(force.stiffness and shortest != longest),
         )

@@ -78,10 +78,37 @@ def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
         np.testing.assert_allclose(chain.compute_accelerations(q, va, tau), aa, atol=1e-9)
 
 
+def test_a_spring_without_force_from_length_zero_on_is_a_cable(mjcf, tmp_path):
+    """Slack and taut it pulls as in MuJoCo, and `write_mjcf` writes it so."""
+    text = MJCF.replace('springlength="0.15" armature="0.8"', 'springlength="0 0.6"')
+    mjcf.write_text(text)
+    chain, mj = sst_pin.ClosedChain.from_mjcf(mjcf), mujoco.MjModel.from_xml_string(text)
+    assert chain.lines[0].pulls_only
+    mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, random = mujoco.MjData(mj), np.random.default_rng(0)
+    slack = []
+    for _ in range(8):
+        q = chain.assemble(random.uniform(-1, 1, 5))
+        data.qpos = q
+        mujoco.mj_inverse(mj, data)
+        L = chain.joint_rates(q, np.eye(4)).T
+        f = chain.generalized_forces(q, np.zeros(4), np.zeros(4))
+        np.testing.assert_allclose(f, L.T @ data.qfrc_inverse, atol=1e-9 * abs(f).max())
+        slack.append(bool(data.ten_length[0] < 0.6))
+    assert set(slack) == {True, False}
+    sst_pin.write_mjcf(chain, tmp_path / "again.xml")
+    assert sst_pin.ClosedChain.from_mjcf(tmp_path / "again.xml").lines[0] == chain.lines[0]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
-        ('"0.15"', '"0.1 0.2"', "tendon spring: a springlength with a dead band"),
+        (
+            '"0.15"',
+            '"0.1 0.2"',
+            "tendon spring: a springlength with a dead band is supported from 0",
+        ),
+        ('"0.15"', '"0 0.2"', "tendon spring: a springlength with a dead band, and damping"),
         (f"{HAND}{TIP}", f"{HAND}{TIP}{HAND}", "tendon both: a tendon through 3 sites"),
         (LEFT, f'{LEFT}{TIP}<pulley divisor="2"/>{TIP}', "tendon damper: a tendon with pulleys"),
         ('name="damper"', 'name="elbow"', "tendon elbow: a joint has this name too"),
