@@ -205,7 +205,7 @@ class _Motions:
         self.cannot_start = set[int]()
 
     def run(self, threads: int) -> None:
-        """Make the steps; the results are NaN after the end of a motion."""
+        """Make the steps; results are NaN after the end of a motion, all if it cannot start."""
         arrays = self._arrays
         if self._code is not None:
             self.steps_made[:] = self._code.run(self._rows, arrays, threads)
@@ -213,8 +213,9 @@ class _Motions:
             if self.steps_made[i] > 0 or self._can_start(i):
                 self._complete(i)
             steps_made = int(self.steps_made[i])
-            arrays.q[i, steps_made + 1 :] = np.nan
-            arrays.va[i, steps_made + 1 :] = np.nan
+            valid_states = 0 if i in self.cannot_start else steps_made + 1
+            arrays.q[i, valid_states:] = np.nan
+            arrays.va[i, valid_states:] = np.nan
             arrays.forces[i, steps_made:] = np.nan
             arrays.residual[i, steps_made:] = np.nan
 

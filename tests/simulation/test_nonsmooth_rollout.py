@@ -361,6 +361,17 @@ def test_a_start_below_the_ground_is_refused_and_named():
         chain.rollout(np.zeros((5, 0)), q0, np.zeros(6), 0.01, nonsmooth=True)
 
 
+def test_a_motion_that_cannot_start_has_no_valid_state():
+    """As in smooth rollouts: beside a motion that can, on open loops and with NaN."""
+    chain = robots.four_bar()
+    q0 = chain.home + np.array([[0.0], [0.3], [np.nan]])
+    motion = chain.rollout(np.zeros((2, 1)), q0, [0.0], 1e-3, nonsmooth=True, on_error="nan")
+    smooth = chain.rollout(np.zeros((2, 1)), q0, [0.0], 1e-3, on_error="nan")
+    for states in (motion.q, motion.va, smooth.q, smooth.va):
+        assert np.isnan(states).all(axis=(1, 2)).tolist() == [False, True, True]
+    assert np.isfinite(motion.q[0]).all()
+
+
 def test_stops_that_contradict_each_other_are_not_solved_in_silence():
     model = tree(("z", pin.JointModelPZ(), 1.0, 0.0))
     model.lowerPositionLimit[:], model.upperPositionLimit[:] = 1e-4, -1e-4
