@@ -1,18 +1,25 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Steps of a page with contacts, ropes, cables, stops and dry friction, as `dynamics/nonsmooth_step.py`
-// and `dynamics/impulses.py` make them; those files say why. The solver is that of
-// `c/impulses.h`, with the most series of Warp. Three things differ from the C: a contact or rope
-// that starts violated is lifted slowly (`rise`) instead of refused; cables get no gains of motors; and
-// Newton's matrix is always solved with pivots.
-// `elements` are the numbers of the rows, in the order contacts (three rows each), ropes, cables,
-// stops, dry joints and lines; `rise` is the largest speed that lifts what starts below its ground, [m/s].
+// Steps of a page with contacts, ropes, cables, stops and dry friction, as c/nonsmooth_step.h and
+// c/impulses.h make them, which state the equations:
+//
+//     A free = M va_0 + h f,  A = M + h D + h^2 K      rates without the impulses
+//     va = free + A^-1 J^T x                           with the impulses x of the rows J
+//     w = J va + bias + compliance x                   rates of the rows
+//     x = P(x - w)                                     complementarity and Coulomb's friction
+//
+// Three things differ from the C: a contact or rope that starts violated is lifted slowly (`rise`)
+// instead of refused; cables get no gains of motors; and Newton's matrix is always solved with pivots.
+//
+// `elements` are the numbers of the rows, in the order contacts (three rows each), ropes, cables, stops,
+// dry joints and lines; `rise` is the largest speed that lifts what starts below its ground, [m/s].
 function nonsmooth(elements, rise) {
   "use strict";
   const STOP = 0, DRY = 1, SIDE = 2, NORMAL = 3; // kinds of rows
   const SOLVED = 1e-9; // largest error of x = P(x - w) in a solution, relative to the impulses
   const ROUNDING = 1e-11; // Newton's method goes on to this error
   const LARGEST = 1e3; // larger impulses count as this multiple of the rates in the error
-  const SWEEPS = 10, STEPS = 20, SERIES = 12; // sweeps before a series, the most steps in one, the most series
+  const SERIES = 12; // the most series, as in Warp: sweeps, then steps of Newton's method
+  const SWEEPS = 10, STEPS = 20; // in a series
   const WARM_STEPS = 6; // Newton's steps from the impulses of the step before, without sweeps
   const REFINED = 3; // series that improve a solution which is not exact to rounding
   const PROXIMAL = [1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2]; // terms of the series in turn
@@ -93,7 +100,7 @@ function nonsmooth(elements, rise) {
   // A problem has A, u, the kinds of its rows and their bounds: the largest impulse of a DRY row, the
   // coefficient of friction at a NORMAL row. The rows of a contact are SIDE, SIDE, NORMAL.
 
-  // P(y).
+  // P(y) puts y into the bounds, and the sides of a contact into the circle of its friction.
   function projected({ kind, bounds }, y) {
     const x = y.map((each, i) => kind[i] === DRY ? clipped(each, bounds[i]) : Math.max(each, 0));
     kind.forEach((each, i) => {
@@ -106,24 +113,29 @@ function nonsmooth(elements, rise) {
     return x;
   }
 
-  // Rows of dF, F = x - P(x - w), from dF = 1 - S + S A + proximal S with the derivative S of P.
-  function slopes({ A, kind, bounds }, y, proximal) {
+  // Newton's matrix of F = x - P(y) at y = x - w: with S = dP / dy and dy = dx - A dx it is
+  // 1 - S + S A + proximal S. Entries of S that are not zero are added one by one.
+  function newtonMatrix({ A, kind, bounds }, y, proximal) {
     const D = y.map((_, i) => { const row = new Float64Array(y.length); row[i] = 1; return row; });
-    const add = (i, j, slope) => { // S[i][j]
+    const addSlope = (i, j, slope) => { // S[i][j]
       const row = D[i], from = A[j];
       for (let k = 0; k < row.length; k++) row[k] += slope * from[k];
       row[j] += slope * (proximal - 1);
     };
     kind.forEach((each, i) => {
-      if (each === STOP && y[i] > 0) add(i, i, 1);
-      if (each === DRY && Math.abs(y[i]) <= bounds[i]) add(i, i, 1);
-      if (each !== NORMAL || !(y[i] > 0)) return;
-      add(i, i, 1);
-      const side = Math.hypot(y[i - 2], y[i - 1]), most = bounds[i] * y[i], slips = side > most;
-      for (const a of [i - 2, i - 1]) {
-        if (!slips) { add(a, a, 1); continue; }
-        for (const b of [i - 2, i - 1]) add(a, b, most / side * (Number(a === b) - y[a] * y[b] / side ** 2));
-        add(a, i, bounds[i] * y[a] / side);
+      const isInside = each === DRY ? Math.abs(y[i]) <= bounds[i] : y[i] > 0;
+      if (each === SIDE || !isInside) return;
+      addSlope(i, i, 1);
+      if (each !== NORMAL) return;
+      const sides = [i - 2, i - 1], side = Math.hypot(y[i - 2], y[i - 1]), most = bounds[i] * y[i];
+      for (const a of sides) {
+        if (!(side > most)) {
+          addSlope(a, a, 1);
+          continue;
+        }
+        // It slides: P is `most` along the direction of the sides.
+        for (const b of sides) addSlope(a, b, most / side * (Number(a === b) - y[a] * y[b] / side ** 2));
+        addSlope(a, i, bounds[i] * y[a] / side);
       }
     });
     return D;
@@ -148,14 +160,15 @@ function nonsmooth(elements, rise) {
       if (!(error < least) && least < SOLVED) break;
       if (error < least) [best, least] = [x, error];
       if (least < ROUNDING) break;
-      const change = solved(slopes(problem, y, proximal), F);
+      const change = solved(newtonMatrix(problem, y, proximal), F);
       if (!change?.every(Number.isFinite)) break;
       x = x.map((each, i) => each - change[i]);
     }
     return [best, least];
   }
 
-  // One sweep of projected Gauss-Seidel; the sides of a contact follow its normal row.
+  // One sweep of projected Gauss-Seidel: each row in turn is solved alone. The sides of a contact follow
+  // its normal row; their divisor, the trace, is not less than the eigenvalues of their block of A.
   function swept({ A, u, kind, bounds }, start) {
     const x = start.slice(), rate = (i) => dot(A[i], x) + u[i];
     kind.forEach((each, i) => {
@@ -214,8 +227,8 @@ function nonsmooth(elements, rise) {
     };
   }
 
-  // The inertia with damping and stiffness at the end of a step, and the momentum that free motion has
-  // there.
+  // A = M + h D + h^2 K, which is the inertia, and the momentum M va_0 + h f, with the efforts of the motors
+  // in f. `implicit` are the rows of dampers and springs: joints, lines that also push, motors.
   function withImplicitForces({ M, forces, implicit }, { va, efforts, gains, h }) {
     const firstMotor = implicit.length - efforts.length;
     const allDamping = [...damping, ...gains.damping], allStiffness = [...stiffness, ...gains.stiffness];
@@ -243,8 +256,9 @@ function nonsmooth(elements, rise) {
     };
   }
 
-  // Set the rows of cables. A cable of constant tension is no row but a force: its impulse is its bound,
-  // and the momentum changes by it.
+  // Set the rows of cables. With the rate l_dot of its length, a cable has the tension x / h = tension +
+  // yielding l_dot, or none. One of constant tension is no row but a force: its impulse is its bound, and
+  // the momentum changes by it.
   function setCables(rows, momentum, { lengths, J }, { efforts, h }) {
     cables.forEach((cable, k) => {
       const i = firstCable + k;
@@ -333,21 +347,22 @@ function nonsmooth(elements, rise) {
     setOtherRows(rows, free, terms, state);
     dropHeldByLoops(rows.acting, terms);
 
-    // Rows that act, until the others are not violated.
+    // Solve for the rows that act, and let those act too that the result violates, until there are none.
     const { acting, bias, compliance } = rows;
+    const canChange = (i) => dot(Z[i], Z[i]) + compliance[i] > 0; // by its impulse
+    const isViolated = (i, rates) => dot(J[i], rates) + bias[i] < 0;
+    kinds.forEach((kind, i) => { if (kind === DRY && !canChange(i)) acting[i] = -1; });
     let rates = free, x = new Float64Array(m), residual = 0, isSolved = false;
     for (;;) {
-      let more = false;
+      let isNew = false;
       for (let i = 0; i < firstDry; i++) {
-        if (kinds[i] === SIDE || acting[i] !== 0 || !(dot(J[i], rates) + bias[i] < 0)) continue;
-        if (!(dot(Z[i], Z[i]) + compliance[i] > 0)) continue; // it cannot be changed
-        more = true;
+        if (kinds[i] === SIDE || acting[i] !== 0 || !isViolated(i, rates) || !canChange(i)) continue;
+        isNew = true;
         acting[i] = 1;
         if (kinds[i] === NORMAL) acting[i - 1] = acting[i - 2] = 1;
       }
-      const changeable = (i) => kinds[i] !== DRY || dot(Z[i], Z[i]) > 0;
-      const index = kinds.map((_, i) => i).filter((i) => acting[i] === 1 && changeable(i));
-      if (!more && (isSolved || !index.length)) break;
+      const index = kinds.map((_, i) => i).filter((i) => acting[i] === 1);
+      if (!index.length || (isSolved && !isNew)) break;
       isSolved = true;
       const { problem, units } = problemOf(index, rows, free, J, Z);
       const [impulses, error] = solution(problem, index.map((i, a) => start[i] * units[a]));
