@@ -371,15 +371,11 @@ class WarpBatch:
         if external_wrenches is not None:
             key = key._replace(loaded=True)
             inputs = inputs | {kernels.WRENCHES: external_wrenches}
-        count: Any = None
+        arrays, count = self._arrays(inputs)
         arguments: dict[str, Any] = {"h": h, "steps": steps}
-        for name, value in inputs.items():
-            array = self._array(name, value, self._shape(name), count)
-            count = array.shape[0]
-            # The last input of motions is aa or tau. There may be no motors.
-            argument = "last" if name in ("aa", "tau") else name
-            arguments[argument] = array if array.shape[1] else None
-        self._require_samples(count)
+        for name, array in arrays.items():
+            # The last input of motions is aa or tau.
+            arguments["last" if name in ("aa", "tau") else name] = array
         arguments["status"] = self._status(status, count)
         results = {}
         for argument, (name, array) in of_user.items():
@@ -410,24 +406,14 @@ class WarpBatch:
         None. The other arguments are those of `step`.
         """
         _require_on_bodies(external_wrenches)
-        inputs = inputs | {
+        optional = {
             kernels.WRENCHES: external_wrenches,
             "motor_positions": held,
             "impulses": start,
         }
-        optional = inputs.keys() - {"q", "va", "tau"}
-        count: Any = None
-        arrays: dict[str, Any] = {}  # None where there is nothing to read
-        for name, value in inputs.items():
-            shape = self._shape(name)
-            arrays[name] = None
-            if name in optional and value is None:
-                continue
-            array = self._array(name, value, shape, count)
-            count = array.shape[0]
-            if math.prod(shape):
-                arrays[name] = array
-        self._require_samples(count)
+        arrays, count = self._arrays(
+            inputs | {name: value for name, value in optional.items() if value is not None}
+        )
         status = self._status(status, count)
 
         fields = NonsmoothState._fields
@@ -443,11 +429,11 @@ class WarpBatch:
             "q": arrays["q"],
             "va": arrays["va"],
             "tau": arrays["tau"],
-            kernels.WRENCHES: arrays[kernels.WRENCHES],
+            kernels.WRENCHES: arrays.get(kernels.WRENCHES),
             "p": self._prepared_by(module),
             "numbers": self._numbers_of(gains),
-            "held": arrays["motor_positions"],
-            "start": arrays["impulses"],
+            "held": arrays.get("motor_positions"),
+            "start": arrays.get("impulses"),
             "h": h,
             "steps": steps,
             "series": iterations,
@@ -472,6 +458,21 @@ class WarpBatch:
         in_order = [arguments.get(name) for name in names]
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
         wp.launch(module.run, count, in_order, **options)
+
+    def _arrays(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
+        """The arrays of inputs, and the number of samples.
+
+        An array is None if a sample has no numbers in it, such as torques without motors.
+        """
+        count: Any = None
+        arrays: dict[str, Any] = {}
+        for name, value in inputs.items():
+            shape = self._shape(name)
+            array = self._array(name, value, shape, count)
+            count = array.shape[0]
+            arrays[name] = array if math.prod(shape) else None
+        self._require_samples(count)
+        return arrays, count
 
     def _status(self, status: Any, count: int) -> Any:
         """The array of the user for the status of each sample, or None."""
