@@ -432,20 +432,20 @@ class _FramePair:
 class _EqualOrientation:
     """Three rows: frame B has the orientation of frame A, Phi v = omega_B - omega_A.
 
-    R_XY is the rotation that takes vectors from the axes of Y to those of X. The letters A, B and C
-    stand for links here: A and B are the links of the two frames.
+    The letters A, B and C stand for links here: A and B are those of the two frames. R_XY is the
+    rotation that takes vectors from the axes of Y to those of X.
 
-    The three components can be along any axes. Those of a link C give short expressions: C is the
-    parent of B if the joint between them is revolute, else B itself. The axis of this joint is
-    constant in C, and so is that of the joint before it.
+    The three components may be along any axes. Those of a link C give short expressions: C is the
+    parent of B if the joint between them is revolute, else B itself. In C, the axis of this joint
+    is constant, and so is that of the joint before it.
 
-    R_CA is computed through B. In a closed loop both frames have the same axes, so that
+    The branch of A is all joints between the base and A. In a closed loop both frames have the same
+    axes, and then the orientation of A in C needs no joint of this branch:
 
         R_CA = R_CB (axes of the frame on B) (axes of the frame on A)^T,
 
-    where the last two are numbers. So R_CA does not depend on the joints of A's branch. It is right
-    in closed loops only, which suffices for Phi and the acceleration. The residual compares it with
-    the orientation through A's branch.
+    where the last two are numbers. This is right in closed loops only, which suffices for Phi and
+    the acceleration. The residual compares both branches.
     """
 
     def __init__(self, pair: _FramePair) -> None:
@@ -454,9 +454,9 @@ class _EqualOrientation:
         self._link_a = pair.link_a
         self._link_b = pair.link_b
         links = self._kinematics.tree.links
-        self._link_c = self._link_b
-        if self._link_b != self._base and links[self._link_b].kind == "turn":
-            self._link_c = links[self._link_b].parent
+        #: Whether a revolute joint is between C and B; else C is B.
+        self._joint_of_b = self._link_b != self._base and links[self._link_b].kind == "turn"
+        self._link_c = links[self._link_b].parent if self._joint_of_b else self._link_b
         self._R_CB, _ = self._kinematics.pose(self._link_c, self._link_b)
         R_of_a = pair.frame_a.placement.rotation
         R_of_b = pair.frame_b.placement.rotation
@@ -464,7 +464,7 @@ class _EqualOrientation:
 
     def rows(self) -> Iterator[Row]:
         """The rows, about the axes x, y, z of C."""
-        # The orientation of C in the base, computed through each branch.
+        # The orientation of C in the base, through each branch.
         R_base_A, _ = self._kinematics.pose(self._base, self._link_a)
         C_through_A = R_base_A @ self._R_CA.T
         C_through_B, _ = self._kinematics.pose(self._base, self._link_c)
@@ -474,19 +474,26 @@ class _EqualOrientation:
         # R is the identity in a closed loop. For a small rotation R, the axial vector of its skew
         # part (R - R^T) / 2 is the rotation vector.
         R = C_through_A.T @ C_through_B
-        columns = self._columns()
+        omega_columns = add(self._minus_omega_a(), self._omega_b())
         for axis in range(3):
             i = (axis + 1) % 3
             j = (axis + 2) % 3
             yield self._row_about(
                 axis,
-                columns,
+                omega_columns,
                 residual=(R[j, i] - R[i, j]) / 2,
                 squared_gap=squared_gap if axis == 0 else SX(0),
             )
 
-    def _row_about(self, axis: int, columns: Sparse, residual: SX, squared_gap: SX) -> Row:
-        """The row about one axis of C; `columns` as from `_columns`."""
+    def _row_about(self, axis: int, omega_columns: Sparse, residual: SX, squared_gap: SX) -> Row:
+        """The row about one axis of C.
+
+        Args:
+            axis: Number of the axis.
+            omega_columns: omega_B - omega_A for a unit of each rate, by its index, in axes of C.
+            residual: As in `Row`.
+            squared_gap: As in `Row`.
+        """
 
         def velocity(v: Sparse, twists: Twists) -> SX:
             _, omega_a = twists(self._base, self._link_a)
@@ -494,27 +501,29 @@ class _EqualOrientation:
             return (self._R_CB @ omega_b - self._R_CA @ omega_a)[axis]
 
         return Row(
-            Phi={k: omega[axis] for k, omega in columns.items() if not is_zero(omega[axis])},
+            Phi={k: omega[axis] for k, omega in omega_columns.items() if not is_zero(omega[axis])},
             velocity=velocity,
             acceleration=lambda v, dv: self._acceleration(v, dv)[axis],
             residual=residual,
             squared_gap=squared_gap,
         )
 
-    def _columns(self) -> Sparse:
-        """omega_B - omega_A for a unit of each rate, by its index, in the axes of C."""
+    def _minus_omega_a(self) -> Sparse:
+        """-omega_A for a unit of each rate, in the axes of C."""
         columns = Sparse()
         for i in self._branch(self._link_a):
             R_iA, _ = self._kinematics.pose(i, self._link_a)
-            columns = add(columns, self._of_joint(i, -self._R_CA @ R_iA.T))
-        carrying_C = self._kinematics.tree.ancestors(self._link_c)
-        for i in self._branch(self._link_b):
-            if i in carrying_C:
-                R_iC, _ = self._kinematics.pose(i, self._link_c)
-                R_Ci = R_iC.T
-            else:  # i is B
-                R_Ci, _ = self._kinematics.pose(self._link_c, i)
-            columns = add(columns, self._of_joint(i, R_Ci))
+            columns = add(columns, self._axes_of_joint(i, -self._R_CA @ R_iA.T))
+        return columns
+
+    def _omega_b(self) -> Sparse:
+        """omega_B for a unit of each rate, in the axes of C."""
+        columns = Sparse()
+        for i in self._branch(self._link_c):
+            R_iC, _ = self._kinematics.pose(i, self._link_c)
+            columns = add(columns, self._axes_of_joint(i, R_iC.T))
+        if self._joint_of_b:
+            columns = add(columns, self._axes_of_joint(self._link_b, self._R_CB))
         return columns
 
     def _branch(self, link: int) -> list[int]:
@@ -522,8 +531,8 @@ class _EqualOrientation:
         path = self._kinematics.tree.ancestors(link)
         return path[path.index(self._base) + 1 :]
 
-    def _of_joint(self, i: int, R: SX) -> Sparse:
-        """The axes of the rates of link i, by rate, turned by R."""
+    def _axes_of_joint(self, i: int, R: SX) -> Sparse:
+        """The axes of the joint of link i, by rate; R takes them from the axes of this link."""
         link = self._kinematics.tree.links[i]
         return {k: R @ sx(S[3:]) for k, S in zip(link.v, link.S.T, strict=True)}
 
@@ -536,8 +545,8 @@ class _EqualOrientation:
         of_A = self._kinematics.relative_motion(self._base, self._link_a, v, dv)
         of_C = self._kinematics.relative_motion(self._base, self._link_c, v, dv)
         difference = of_C.alpha - self._R_CA @ of_A.alpha
-        if self._link_b != self._link_c:
-            # The joint of B, whose axis is fixed in C, is between C and B.
+        if self._joint_of_b:
+            # alpha_B = alpha_C + axis v_dot + omega_C x axis v; the axis is fixed in C.
             joint = self._kinematics.tree.links[self._link_b]
             (k,) = joint.v
             axis = self._R_CB @ sx(joint.S[3:, 0])
