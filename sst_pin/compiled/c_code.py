@@ -207,6 +207,44 @@ def _function(
     return _Function("\n".join(texts), room + handed_on)
 
 
+class KernelSources(NamedTuple):
+    """The C of several kernels, which share p."""
+
+    #: Their functions, except for those of a kernel along directions.
+    texts: list[str]
+    #: The functions of a kernel along directions: the one that runs once, then the passes.
+    functions: list[str]
+    #: Size of p: the parameters, then the constants of each kernel.
+    size: int
+    #: Size of an array y that is large enough for each kernel.
+    room: int
+    #: Size of an array y that is large enough for each pass.
+    room_of_passes: int
+
+
+def bodies(
+    kernels: Sequence[SymbolicKernel],
+    suffix: str = "",
+    *,
+    in_memory: bool = False,
+    recompute: bool = False,
+) -> KernelSources:
+    """The C of several kernels; the arguments are those of `body`."""
+    sources = list[KernelSource]()
+    size = None  # of p, to which each kernel adds its constants
+    for kernel in kernels:
+        source = body(kernel, size, suffix, in_memory=in_memory, recompute=recompute)
+        size = source.size
+        sources.append(source)
+    return KernelSources(
+        texts=[source.text for source in sources],
+        functions=[text for source in sources for text in source.functions],
+        size=sources[-1].size,
+        room=max(source.room for source in sources),
+        room_of_passes=max(source.room_of_passes for source in sources),
+    )
+
+
 def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     """Sources of the library of a kernel, or of "closing" and "state_rate" for rollouts.
 
@@ -218,61 +256,62 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     kernel along directions it is the number of directions; what is computed once for a sample is
     in a source of its own, on plain numbers.
     """
-    head = part("real.h")
-    parts = [head, part("ways.h"), part("driver.h")]  # of the first source
-    other_sources = list[str]()
-    size = None  # of p, to which each kernel adds its constants
-    room = 0
-    room_of_passes = 0
-    for each in kernels:
-        source = body(each, size, in_memory=True)
-        size = source.size
-        room = max(room, source.room)
-        room_of_passes = max(room_of_passes, source.room_of_passes)
-        parts.append(source.text)
-        if source.functions:
-            once, *passes = source.functions
-            other_sources.append(f"#undef LANES\n#define LANES 1\n{head}\n{once}")
-            other_sources += [f"{head}\n{text}" for text in passes]
+    sources = bodies(kernels, in_memory=True)
     # The kernel of the quantity is the last one; for rollouts it is "state_rate", after "closing".
     *closing, kernel = kernels
-    sizes = [symbols.numel() for symbols in kernel.inputs.values()]  # of the inputs
-    along = kernel.along
+    sizes = [symbols.numel() for symbols in kernel.inputs.values()]
     outputs = kernel.output.numel()
     blanks: dict[str, object] = {
         "entry": entry,
         "calls": "\n    ".join(f"{each.name}_constants(p);" for each in kernels),
-        "size": size,
+        "size": sources.size,
         "name": kernel.name,
         "q": sizes[0],
         "inputs": sum(sizes),
         "outputs": outputs,
-        "results": along.size if along else outputs,
+        "results": outputs,
         "checks": kernel.checks.numel(),
-        "room": room,
+        "room": sources.room,
     }
-    parts.append(filled("entries/prepare.c", blanks))
     if closing:
-        parts += _rollout(closing[0], sizes, blanks)
-        q, va, *others = sizes
-        sizes = [q + va, *others]  # "rate" has q and va in one array
-        blanks |= {"word": "rate", "close": closing[0].name}
+        entries = _entries_of_rollouts(closing[0], sizes, blanks)
+    elif kernel.along is not None:
+        of_passes = _blanks_of_passes(kernel.name, kernel.along)
+        of_passes["room_of_passes"] = sources.room_of_passes
+        blanks |= blanks_of_directions(kernel.along)
+        entries = _entry("along.c", "run", sizes, blanks | of_passes)
     else:
-        blanks |= {"word": "run", "close": "NULL"}
-    blanks |= {"sizes": listed(sizes), "arrays": len(sizes)}
-    if along is None:
-        parts.append(filled("entries/run.c", blanks))
-    else:
-        blanks |= blanks_of_directions(along) | _blanks_of_passes(kernel.name, along)
-        parts.append(filled("entries/along.c", blanks | {"room_of_passes": room_of_passes}))
-    parts.append(filled("entries/sizes.c", blanks))
-    return ["\n".join(parts), *other_sources]
+        entries = _entry("run.c", "run", sizes, blanks | {"close": "NULL"})
+    head = part("real.h")
+    driver = [head, part("ways.h"), part("driver.h")]
+    prepare = filled("entries/prepare.c", blanks)
+    first_source = "\n".join([*driver, *sources.texts, prepare, *entries])
+    if not sources.functions:
+        return [first_source]
+    once, *passes = sources.functions
+    once_source = f"#undef LANES\n#define LANES 1\n{head}\n{once}"
+    return [first_source, once_source, *(f"{head}\n{text}" for text in passes)]
 
 
-def _rollout(
+def _entry(
+    template: str, word: str, sizes: Sequence[int], blanks: Mapping[str, object]
+) -> list[str]:
+    """The function `<word>_<entry>` of a library, and the sizes of its arrays.
+
+    Args:
+        template: Name of its file in the folder `c/entries`.
+        word: "run" or "rate".
+        sizes: Sizes of the inputs.
+        blanks: Texts for the other blanks.
+    """
+    of_entry: dict[str, object] = {"word": word, "sizes": listed(sizes), "arrays": len(sizes)}
+    return [filled(f"entries/{name}", {**blanks, **of_entry}) for name in (template, "sizes.c")]
+
+
+def _entries_of_rollouts(
     closing: SymbolicKernel, sizes: Sequence[int], blanks: Mapping[str, object]
 ) -> list[str]:
-    """The function that makes the steps of rollouts, and its sizes.
+    """The functions of rollouts: "run" makes steps, "rate" runs "state_rate".
 
     Args:
         closing: The kernel "closing".
@@ -295,11 +334,9 @@ def _rollout(
         "nearby": NEARBY * TRAVEL,
         "change": CHANGE,
     }
-    of_sizes: dict[str, object] = {"word": "run", "sizes": listed(sizes)}
-    return [
-        filled("entries/roll.c", {**blanks, **of_steps}),
-        filled("entries/sizes.c", {**blanks, **of_sizes}),
-    ]
+    steps = _entry("roll.c", "run", sizes, {**blanks, **of_steps})
+    rate = _entry("run.c", "rate", [q + va, tau, *load], {**blanks, "close": closing.name})
+    return [*steps, *rate]
 
 
 def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:

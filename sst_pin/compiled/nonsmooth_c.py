@@ -9,7 +9,7 @@ from ..dynamics.nonsmooth_rows import LARGEST_BEND, NonsmoothRows
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import CLOSURE_TOLERANCE
 from . import kernels
-from .c_code import body, filled, listed, part
+from .c_code import bodies, filled, listed, part
 from .equations import Equations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
@@ -101,23 +101,20 @@ def step_source(
 def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
     source = step_source(equations, rows, Checks(equations))
-    parts = [f"#define LANES {lanes}"]
-    parts += [part(name) for name in ("real.h", "ways.h", "driver.h", *SOLVER)]
-    size = None  # of p: the kernels share one array of parameters, to which each adds its constants
-    room = 0  # the largest number of intermediate results of a kernel
-    for kernel in source.kernels:
-        code = body(kernel, size, in_memory=True)
-        size = code.size
-        room = max(room, code.room)
-        parts.append(code.text)
-    parts += [part(name) for name in ("nonsmooth_move.h", "nonsmooth.h")]
+    code = bodies(source.kernels, in_memory=True)
+    parts = [
+        f"#define LANES {lanes}",
+        *map(part, ("real.h", "ways.h", "driver.h", *SOLVER)),
+        *code.texts,
+        *map(part, ("nonsmooth_move.h", "nonsmooth.h")),
+    ]
     _, terms, _ = source.kernels
     of_library: dict[str, object] = {
         "entry": entry,
         "word": "run",
         "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in source.kernels),
-        "size": size,
-        "room": room,
+        "size": code.size,
+        "room": code.room,
         "sizes": listed([x.numel() for x in terms.inputs.values()]),
         "results": terms.output.numel(),
     }

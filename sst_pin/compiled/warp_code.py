@@ -8,13 +8,12 @@ are members of a class.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import BEND
 from . import c_code
 from .along_directions import Directions
-from .c_code import Style
+from .c_code import KernelSources, Style
 from .compiled_states import CHANGE, NEARBY
 from .kernels import WRENCHES, SymbolicKernel
 from .nonsmooth_c import SOLVER, StepSource
@@ -106,62 +105,37 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         style: Numbers of its precision.
     """
     kernel = kernels[-1]
-    functions = _generated_functions(kernels, style)
+    sources = c_code.bodies(kernels, style.suffix, recompute=True)
     blanks = _blanks_of_inputs(kernel) | {
         "name": kernel.name,
-        "room": functions.room,
+        "room": sources.room,
         "outputs": kernel.output.numel(),
         "checks": kernel.checks.numel(),
     }
     if kernel.along is not None:
         blanks |= _blanks_of_directions(kernel.along)
-        blanks["room_of_passes"] = functions.room_of_passes
+        blanks["room_of_passes"] = sources.room_of_passes
     if entry in ("close", "step"):
         blanks |= _blanks_of_closing(kernels[0], style)
-    run = _kernel("run", RUN, functions, [c_code.filled(f"entries/warp_{entry}.h", blanks)], style)
-    return _module(kernels, functions, run, style)
+    run = _kernel("run", RUN, sources, [c_code.filled(f"entries/warp_{entry}.h", blanks)], style)
+    return _module(kernels, sources, run, style)
 
 
 def nonsmooth_module(source: StepSource, style: Style) -> str:
     """The text of a module that makes nonsmooth steps."""
     _, terms, _ = source.kernels
-    functions = _generated_functions(source.kernels, style)
-    blanks = _blanks_of_inputs(terms) | source.blanks | {"room": functions.room}
+    sources = c_code.bodies(source.kernels, style.suffix, recompute=True)
+    blanks = _blanks_of_inputs(terms) | source.blanks | {"room": sources.room}
     code = [
         *map(c_code.part, (*SOLVER, "nonsmooth_move.h")),
         c_code.filled("entries/warp_nonsmooth.h", blanks),
     ]
-    run = _kernel("run", NONSMOOTH, functions, code, style)
-    return _module(source.kernels, functions, run, style)
-
-
-class _Functions(NamedTuple):
-    """The C functions of some generated kernels."""
-
-    texts: list[str]
-    #: Size of p: the parameters, then the constants of each kernel.
-    size: int
-    #: Size of an array y that is large enough for each kernel.
-    room: int
-    #: Size of an array y that is large enough for each pass of the last kernel.
-    room_of_passes: int
-
-
-def _generated_functions(kernels: Sequence[SymbolicKernel], style: Style) -> _Functions:
-    """The C functions of kernels that share p."""
-    size = None  # of p, to which each kernel adds its constants
-    rooms = []
-    texts = list[str]()
-    for kernel in kernels:
-        source = c_code.body(kernel, size, style.suffix, recompute=True)
-        size = source.size
-        rooms.append(source.room)
-        texts += [source.text, *source.functions]
-    return _Functions(texts, source.size, max(rooms), source.room_of_passes)
+    run = _kernel("run", NONSMOOTH, sources, code, style)
+    return _module(source.kernels, sources, run, style)
 
 
 def _module(
-    kernels: Sequence[SymbolicKernel], functions: _Functions, run: str, style: Style
+    kernels: Sequence[SymbolicKernel], sources: KernelSources, run: str, style: Style
 ) -> str:
     """The text of a module with this kernel `run`."""
     constants = "\n    ".join(f"{kernel.name}_constants(own);" for kernel in kernels)
@@ -171,15 +145,15 @@ def _module(
         "constants": constants,
     }
     code = [c_code.filled("entries/warp_prepare.h", blanks)]
-    prepare = _kernel("prepare", _PREPARE, functions, code, style)
-    head = _HEAD.format(dtype=style.dtype, size=functions.size)
+    prepare = _kernel("prepare", _PREPARE, sources, code, style)
+    head = _HEAD.format(dtype=style.dtype, size=sources.size)
     return head + prepare + run
 
 
 def _kernel(
     name: str,
     arguments: Mapping[str, str],
-    functions: _Functions,
+    sources: KernelSources,
     code: Sequence[str],
     style: Style,
 ) -> str:
@@ -189,7 +163,8 @@ def _kernel(
         f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
         f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
         *map(c_code.part, ("real.h", "ways.h", "warp.h")),
-        *functions.texts,
+        *sources.texts,
+        *sources.functions,
         *code,
         f"}};\nkernel::run(i, {names});",
     ]
