@@ -20,14 +20,15 @@ from ..loops.frame_guide import FrameGuide
 from ..loops.start import start_of
 from ..model.thresholds import RANK_TOLERANCE
 from ..simulation.motion_columns import columns_of
+from ..summaries import Summary
 from .motor_limits import largest_part
 from .pose_abilities import torques_of_wrenches
 from .pose_grid import PoseGrid, grid_axes
-from .reach_search import REACHED, reached_from
+from .reach_search import REACHED, REASONS, reached_from
 
 
-@dataclass(frozen=True, eq=False)
-class ReachMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReachMap(Summary):
     """The poses on a grid of N by M that a frame reaches.
 
     Where a pose is not reached, numbers are NaN.
@@ -80,6 +81,21 @@ class ReachMap:
         names = [f"{axis}_{'m' if axis in 'xyz' else 'rad'}" for axis in self.axes]
         names += ["why", "condition", "used", *self.columns]
         write_files({as_path(path): table_writer(names, rows.reshape(-1, len(names)))}, force)
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """Rows of the printed map."""
+        rows = []
+        for axis, values in zip(self.axes, self.values, strict=True):
+            unit = "m" if axis in "xyz" else "rad"
+            rows.append((axis, f"{values[0]:.4g} to {values[-1]:.4g} {unit}, {len(values)} values"))
+        for code, reason in enumerate(REASONS):
+            count = int((self.why == code).sum())
+            if count:
+                rows.append((reason, str(count)))
+        too_weak = int((self.used > 1).sum())
+        if too_weak:
+            rows.append(("the motors cannot hold", str(too_weak)))
+        return f"ReachMap of {self.why.size} poses", rows
 
 
 def reach_map(

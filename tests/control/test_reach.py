@@ -43,6 +43,15 @@ def mapped():
     return lift, result, np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
 
+def test_a_map_is_printed_in_a_few_lines(mapped):
+    _, result, _ = mapped
+    title, *lines = str(result).splitlines()
+    assert title == "ReachMap of 289 poses"
+    words = [line.split() for line in lines]
+    assert words[0] == ["x", "-0.16", "to", "0.16", "m,", "17", "values"]
+    assert sum(int(line[-1]) for line in words[2:] if line[0] != "the") == 289
+
+
 def test_a_five_bar_reaches_what_its_circles_and_singular_curves_leave(mapped):
     """The part of two rings, on home's side of det = 0, that hangs together with home."""
     lift, result, points = mapped
