@@ -16,7 +16,7 @@ from ..errors import DescriptionError
 from .joint_graph import WORLD, JointGraph
 from .problems import Problem, is_true, numbers
 from .sdf_checks import check, note_unread
-from .sdf_joints import joints_of
+from .sdf_joints import joints_of, welds_of
 from .sdf_links import add_links
 from .sdf_model import SdfModel
 
@@ -42,7 +42,7 @@ def read_sdf(root: ET.Element, source: str, name: str | None = None) -> SdfConte
     check(model)
     note_unread(model, worlds)
     gravity = _gravity(root, model)
-    joints = joints_of(model, axes_in_model)
+    joints = [*joints_of(model, axes_in_model), *welds_of(model)]
 
     # The tree of these joints, then links and frames.
     frames = model.frames

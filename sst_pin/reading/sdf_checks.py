@@ -9,7 +9,8 @@ from ..summaries import listed
 from .acting_elements import plugin_problem, texts_of
 from .joint_graph import WORLD
 from .problems import is_true, stands_for, warning
-from .sdf_model import SdfModel
+from .sdf_model import SdfModel, holds_own_link
+from .tool_elements import is_weld
 
 
 def check(model: SdfModel) -> None:
@@ -48,7 +49,8 @@ def note_unread(model: SdfModel, worlds: Sequence[ET.Element]) -> None:
         _note_rest_of_world(model, world)
     for parent in (*worlds, model.element):
         for plugin in parent.findall("plugin"):
-            model.notes += plugin_problem(plugin, parent.tag)
+            if not (is_weld(plugin) and holds_own_link(plugin, model)):  # `sdf_joints` reads these
+                model.notes += plugin_problem(plugin, parent.tag)
     _note_forces_of_medium(model)
     _note_elements_of_tools(model)
     _note_poses_in_world(model)

@@ -10,12 +10,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array
 from .joint_graph import Axis, GraphJoint, axis_names
 from .problems import is_true, numbers, warning
 from .sdf_frames import MODEL
-from .sdf_model import SdfModel
+from .sdf_model import SdfModel, holds_own_link
+from .tool_elements import is_weld
 
 #: Number of axes for each type of joint that has axes.
 _AXES = {
@@ -236,6 +238,27 @@ class _Joints:
                     sign = -sign
                 return _Hinge(index, sign)
         return None
+
+
+def welds_of(model: SdfModel) -> list[GraphJoint]:
+    """The welds between two links of a model by the plugins `DetachableJoint` of Gazebo."""
+    welds = list[GraphJoint]()
+    for number, plugin in enumerate(filter(is_weld, model.element.findall("plugin")), 1):
+        if not holds_own_link(plugin, model):
+            continue
+        where = f"plugin {plugin.get('name')}"
+        ends = [plugin.findtext(tag, "").strip() for tag in ("parent_link", "child_link")]
+        unknown = [link for link in ends if link not in model.links]
+        for link in unknown:
+            model.problems.append(f"{where}: {link!r} is not a link of this model")
+        parent, child = ends
+        if parent == child:
+            model.problems.append(f"{where}: it connects {parent!r} with itself")
+        elif not unknown:
+            on_parent = model.frames.relative_pose(parent, child)
+            name = f"detachable_{number}"
+            welds.append(GraphJoint(name, "fixed", parent, child, on_parent, pin.SE3.Identity()))
+    return welds
 
 
 class _Hinge(NamedTuple):

@@ -40,3 +40,9 @@ class SdfModel:
             self.refuse(owner, f"{path} {text!r} is not a number")
             return default
         return float(value[0])
+
+
+def holds_own_link(plugin: ET.Element, model: SdfModel) -> bool:
+    """Whether a plugin that welds links holds one of this model, not one of another model."""
+    child_model = plugin.findtext("child_model", "").strip()
+    return child_model in (model.element.get("name", ""), "__model__")

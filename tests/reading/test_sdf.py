@@ -513,3 +513,27 @@ def test_a_link_without_gravity_has_no_weight(tmp_path):
     text = text[:start] + "<gravity>false</gravity>" + text[start:]
     chain = chain_of(text, tmp_path, *motors)
     np.testing.assert_allclose(chain.compute_torques(q, va, aa), expected, atol=1e-10)
+
+
+def test_a_detachable_joint_of_gazebo_is_a_fixed_joint(tmp_path):
+    """A four-bar; the plugin and a joint of the file hold the same links, in the same pose."""
+    bars = [
+        *(link(name, pose) for name, pose in (("a", "0 0 0 0 0 0"), ("b", "0 0 1 0 0.2 0"))),
+        *(link(name, pose) for name, pose in (("c", "1 0 0 0 0 0"), ("tip", "1 0 1.1 0 0 0.3"))),
+        *(joint(f"j_{x}", "revolute", "world", x, axis("0 1 0", frame="__model__")) for x in "ac"),
+        joint("j_b", "revolute", "a", "b", axis("0 1 0", frame="__model__")),
+        joint("j_tip", "revolute", "c", "tip", axis("0 1 0", frame="__model__")),
+    ]
+    text = "<parent_link>b</parent_link><child_model>{}</child_model><child_link>{}</child_link>"
+    plugin = f'<plugin name="gz::sim::systems::DetachableJoint">{text}</plugin>'
+    welded = chain_of(sdf(*bars, joint("weld", "fixed", "b", "tip")), tmp_path, "j_a")
+    for model in ("r", "__model__"):
+        chain = chain_of(sdf(*bars, plugin.format(model, "tip")), tmp_path, "j_a")
+        assert chain.degrees_of_freedom == 1
+        q = chain.assemble({"j_a": 0.2})
+        f = welded.compute_torques(welded.assemble({"j_a": 0.2}), [0.3], [0.5])
+        assert np.abs(chain.compute_torques(q, [0.3], [0.5]) - f).max() < 1e-11 * np.abs(f).max()
+    with pytest.raises(sst_pin.DescriptionError, match="'no' is not a link of this model"):
+        chain_of(sdf(*bars, plugin.format("r", "no")), tmp_path)
+    with pytest.warns(sst_pin.DescriptionWarning, match="DetachableJoint None is not read"):
+        chain_of(sdf(*bars, plugin.format("box", "tip")), tmp_path, "j_a")
