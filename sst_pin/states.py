@@ -357,8 +357,13 @@ class StateSpace:
 
         `step` are displacements of all joints, shape (nv,). The coordinates are judged at several
         configurations ahead of q, because the step gets no shorter near a dead point.
+
+        Raises:
+            StepError: If the step is not finite.
         """
         longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
+        if not isfinite(longest):
+            raise StepError(NOT_FINITE)
         parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))
         for part in range(1, parts + 1):
             ahead = pin.integrate(self._mechanism.model, q, part / parts * step)

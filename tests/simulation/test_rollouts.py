@@ -181,6 +181,17 @@ def test_a_motion_that_diverges_within_a_step_ends_with_a_reason(fast):
     assert np.isnan(q[~valid]).all()
 
 
+def test_a_first_step_whose_length_overflows_ends_with_a_reason():
+    """The start is finite, but va times dt is not."""
+    chain = robots.five_bar()
+    tau, va = np.zeros((2, 2)), [1e307, 0.0]
+    with pytest.raises(sst_pin.SimulationError, match="not finite; a shorter step"):
+        chain.rollout(tau, chain.home, va, 1e3)
+    q = chain.rollout(tau, chain.home, va, 1e3, on_error="nan").q
+    assert np.array_equal(q[0], chain.home)
+    assert np.isnan(q[1:]).all()
+
+
 @pytest.mark.parametrize("fast", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_wrenches_at_frames_turn_their_arms_in_rollouts_as_in_simulate(fast):
     """A batch of two wrenches; an adaptive method of eighth order is the referee."""
