@@ -500,7 +500,6 @@ class Engine:
         aa: ArrayLike | None,
         tau: ArrayLike | None,
         stiffness: Mapping[str, ArrayLike] | None,
-        **options: Unpack[LoadOptions],
     ) -> tuple[Array, Array]:
         """The unique parts of the forces of `reactions`, shape (..., r + closures, 3).
 
@@ -511,9 +510,7 @@ class Engine:
         of_sample = self.reference.unique_forces
         shape = (4 * count,)  # for each joint and closure three components, and the number
         kernel_exists = False
-        numbers = self._reaction_numbers(
-            of_sample, shape, kernel_exists, q, va, aa, tau, stiffness, **options
-        )
+        numbers = self._reaction_numbers(of_sample, shape, kernel_exists, q, va, aa, tau, stiffness)
         table = numbers.reshape(*numbers.shape[:-1], count, 4)
         return table[..., :3], table[..., 3]
 
