@@ -349,6 +349,8 @@ class StateSpace:
         """Why motion i ended after some valid states: the error of one more try from the last."""
         last = max(valid - 1, 0)
         rest = motions.rest(i, last)  # motion i alone
+        # The new try gets arrays of its own: the states of `motions` stay.
+        rest = rest._replace(q=np.empty_like(rest.q), va=np.empty_like(rest.va))
         end = self._fill(rest, 0, wrenches_of(motions, i, wrenches_at))
         return end.error or StepError("the kernels and the reference path disagree")
 

@@ -6,6 +6,7 @@ import pytest
 
 import sst_pin
 from sst_pin import robots
+from sst_pin.dynamics.rollout_arrays import RolloutArrays
 from sst_pin.sst import paper
 from tests.gallery import governor, n_four_bar
 from tests.support.sampling import random_parameters, random_states
@@ -190,6 +191,21 @@ def test_a_first_step_whose_length_overflows_ends_with_a_reason():
     q = chain.rollout(tau, chain.home, va, 1e3, on_error="nan").q
     assert np.array_equal(q[0], chain.home)
     assert np.isnan(q[1:]).all()
+
+
+def test_asking_why_a_rollout_ended_changes_no_states():
+    """The states behind the start count as not valid; a new try computes them, for itself."""
+    chain = robots.five_bar()
+    start = chain.home[None]
+    rates = np.zeros((1, 2))
+    q, va = chain.rollout(np.zeros((3, 2)), start, rates, 1e-3)
+    arrays = RolloutArrays(1e-3, start, rates, np.zeros((1, 3, 2)), None, q.copy(), va.copy())
+    arrays.q[:, 1:] = np.nan
+    arrays.va[:, 1:] = np.nan
+    before = arrays.q.copy(), arrays.va.copy()
+    chain.engine.state_space(1e-3).why_ended(arrays, 0, 1, None)
+    assert np.array_equal(arrays.q, before[0], equal_nan=True)
+    assert np.array_equal(arrays.va, before[1], equal_nan=True)
 
 
 @pytest.mark.parametrize("fast", [False, pytest.param(True, marks=pytest.mark.slow)])
