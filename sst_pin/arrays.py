@@ -179,6 +179,12 @@ def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
     return words
 
 
+def require_instance(name: str, value: object, kind: type) -> None:
+    """Refuse an argument that is not of this class."""
+    if not isinstance(value, kind):
+        raise InputError(name, f"a {kind.__name__} is needed, not {type(value).__name__}")
+
+
 def whole_number(name: str, value: int, least: int) -> int:
     """A count of at least `least`."""
     if type(value) is int and value >= least:

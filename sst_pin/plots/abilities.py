@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, single_array
+from ..arrays import Array, finite_array, require_instance, single_array
 from ..control.pose_abilities import Ellipsoid
 from ..control.reach import ReachMap
 from ..control.reach_search import REASONS
@@ -66,6 +66,8 @@ def convex_set(
     points = _points_of(shape) if isinstance(shape, Ellipsoid) else shape
     shown = list(plane) if ax.name != "3d" else [0, 1, 2]
     drawn = finite_array("at", at, (3,)) + scale * finite_array("shape", points, (3,))
+    if drawn.ndim != 2:
+        raise InputError("shape", f"shape {np.shape(points)}, expected (N, 3)")
     try:
         hull = ConvexHull(drawn[:, shown])
     except (QhullError, ValueError):
@@ -147,6 +149,7 @@ def reach_map(
         >>> plots.reach_map(ax, poses).get_xlabel()
         '$x_0$ (m)'
     """
+    require_instance("poses", poses, ReachMap)
     if show not in _LABELS:
         raise InputError("show", f"{show!r} unknown; known: {', '.join(_LABELS)}")
     if axis not in ("", "x", "y", "z"):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import require_instance
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..simulation.energy import energy_balance as balance_of
@@ -114,6 +115,7 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
 
 def _torques(motion: Trajectory) -> Curves:
     """Torques of all motors."""
+    require_instance("motion", motion, Trajectory)
     return Curves(motion.motor_names, motion.torque_units, motion.tau)
 
 
@@ -126,6 +128,7 @@ def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
 
 def _positions(motion: Trajectory) -> Curves:
     """Positions, angles in degrees; the cosine and the sine of a joint become one angle."""
+    require_instance("motion", motion, Trajectory)
     names = []
     units = []
     columns = []

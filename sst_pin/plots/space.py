@@ -123,18 +123,24 @@ def paths_on_sphere(
         '$z_0$ (m)'
     """
     _require_sst(robot)
-    for _, motion in motions:
+    labelled = list[tuple[str, Trajectory]]()
+    try:
+        for label, motion in motions:
+            labelled.append((label, motion))
+    except (TypeError, ValueError):
+        raise InputError("motions", "pairs of a label and a motion are needed") from None
+    for _, motion in labelled:
         require_motion(motion, robot.mechanism)
     radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
-    styles = PATHS if len(motions) > 1 else PATHS[1:]
+    styles = PATHS if len(labelled) > 1 else PATHS[1:]
     directions = [robot.geometry.R_0[:, :, 0]]
-    for (label, motion), look in zip(motions, styles, strict=False):
+    for (label, motion), look in zip(labelled, styles, strict=False):
         s = robot.platform_orientation(motion.q)[:, :, 0]
         ax.plot(*(radius * s).T, label=label, zorder=10, **look)
         directions.append(s)
     ax.plot(*(radius * s[:1]).T, "o", color="black", markersize=3, zorder=11)
-    if len(motions) > 1:
+    if len(labelled) > 1:
         ax.legend(loc="upper left", bbox_to_anchor=(-0.05, 1.0), handlelength=2.6)
     _equal_space(ax, robot, radius, np.concatenate(directions))
     return ax

@@ -6,6 +6,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from ..arrays import require_instance
 from ..description.colours import HUES
 from ..errors import InputError
 from ..simulation.motion_columns import printed_units
@@ -25,6 +26,7 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     Raises:
         InputError: If the shapes differ, or for a motion without motors.
     """
+    require_instance("motion", motion, Trajectory)
     tau = rows_of_samples("predicted", predicted, (len(motion), len(motion.motor_names)))
     if not motion.motor_names:
         raise InputError("motion", "has no motors")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Array, names, single_array
+from ..arrays import Array, names, require_instance, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Table, Writer, as_path, read_table, require_ending, table_writer, write_files
 from ..former_names import FormerName, former_arguments
@@ -371,8 +371,7 @@ def _listed_units(words: Sequence[str]) -> str:
 
 def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion") -> None:
     """Check that an argument is a motion of a robot: its joints, coordinates, motors, units."""
-    if not isinstance(motion, Trajectory):
-        raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
+    require_instance(name, motion, Trajectory)
     for what, present, needed in (
         ("joints", motion.joint_names, mechanism.space.position_names),
         ("coordinates", motion.coordinates, mechanism.coordinate_rate_names),
