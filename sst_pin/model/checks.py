@@ -122,21 +122,6 @@ def mechanism_of(
     for line in lines:  # refuse unknown frames
         frame_id(model, line.frame_a)
         frame_id(model, line.frame_b)
-
-    def of_rates(name: str, default: Array) -> Array:
-        value = numbers[name]
-        return single_array(name, default if value is None else value, (model.nv,))
-
-    friction = Friction(
-        of_rates("viscous_friction", model.damping),
-        of_rates("coulomb_friction", model.friction),
-    )
-    relaxed = pin.neutral(model)
-    if numbers["spring_reference"] is not None:
-        relaxed = single_array("spring_reference", numbers["spring_reference"], (model.nq,))
-        space.require_on_manifold(relaxed, "spring_reference")
-    springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(relaxed))
-    springs.check(model)
     contacts = contacts or Contacts()
     contacts.check(model)
     if coordinates is not None and not coordinates:
@@ -147,12 +132,42 @@ def mechanism_of(
         coordinates=space.rates_of(coordinates or ()),
         actuation=B_rates,
         motor_names=motor_names,
-        friction=friction,
-        springs=springs,
+        friction=_friction(model, numbers),
+        springs=_springs(model, space, numbers),
         lines=Lines(lines, read_only(B_lines)),
         contacts=contacts,
         weight_shares=weight_shares_of(model, weight_shares),
     )
+
+
+def _friction(model: pin.Model, numbers: Mapping[str, ArrayLike | None]) -> Friction:
+    """The friction of the joints: the arguments, else what the model says."""
+    return Friction(
+        _of_rates(model, numbers, "viscous_friction", model.damping),
+        _of_rates(model, numbers, "coulomb_friction", model.friction),
+    )
+
+
+def _springs(
+    model: pin.Model, space: JointSpace, numbers: Mapping[str, ArrayLike | None]
+) -> Springs:
+    """The springs of the joints; without a reference they are relaxed at the neutral pose."""
+    reference = pin.neutral(model)
+    if numbers["spring_reference"] is not None:
+        reference = single_array("spring_reference", numbers["spring_reference"], (model.nq,))
+        space.require_on_manifold(reference, "spring_reference")
+    stiffness = _of_rates(model, numbers, "stiffness", np.zeros(model.nv))
+    springs = Springs(stiffness, space.normalised(reference))
+    springs.check(model)
+    return springs
+
+
+def _of_rates(
+    model: pin.Model, numbers: Mapping[str, ArrayLike | None], name: str, default: Array
+) -> Array:
+    """The argument `name`, or its default: a number for each rate, shape (nv,)."""
+    value = numbers[name]
+    return single_array(name, default if value is None else value, (model.nv,))
 
 
 def _brakes(
