@@ -28,6 +28,7 @@ from ..loops.row_derivatives import (
 from ..loops.vectors import brackets, cross, skew
 from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
+from ..model.weight_shares import WeightShares
 from .dynamics import Context, applied_forces, direct_dynamics
 
 
@@ -149,6 +150,24 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
     w_q = np.zeros_like(frames.J)
     w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
+    return _Load(joints, frames, w, w_q)
+
+
+def _lifts(tree: TreeMotion, loops: Loops, weight_shares: WeightShares) -> _Load:
+    """Forces that carry what bodies do not have of their weight, as a load."""
+    lifted = weight_shares.lifted(loops.model)
+    joints = [loops.tree.bodies[1 + body] for body in lifted]
+    frames = tree.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
+    # A placement M takes the first moment m c and the mass m to those about the world's origin:
+    # M [m c; m] = [m (R c + p); m].
+    masses, *moments = np.transpose(list(lifted.values()))
+    moments_and_masses = np.transpose([*moments, masses])
+    at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
+    at_origin_q = np.einsum("qkij,kj->kiq", frames.M_q[..., :3, :], moments_and_masses)
+    g = loops.model.gravity.linear
+    w = np.hstack((-np.outer(masses, g), cross(g, at_origin)))
+    w_q = np.zeros_like(frames.J)
+    w_q[:, 3:] = skew(g) @ at_origin_q
     return _Load(joints, frames, w, w_q)
 
 
@@ -352,7 +371,7 @@ class Derivatives:
         force -= applied_forces(context, friction, q, v, wrenches, tau)
         reactions = G.T.dot(force)  # lambda
 
-        # Loads on the bodies: of closures, of lines, and external wrenches.
+        # Loads on the bodies: of closures, of lines, external wrenches, and lifted weights.
         loads = [_on_frames(closure, reactions) for closure in rows.closures]
         of_lines: _LinePartials | None = None
         if not mechanism.lines.none:
@@ -360,6 +379,8 @@ class Derivatives:
             loads += [_on_frames(line, -of_lines.tensions) for line in of_lines.rows.closures]
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
+        if mechanism.weight_shares is not None:
+            loads.append(_lifts(tree, context.loops, mechanism.weight_shares))
 
         # Partial derivatives of F - Phi^T lambda.
         of_tree = self._tree_forces(v, v_dot, loads)

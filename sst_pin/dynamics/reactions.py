@@ -326,6 +326,8 @@ def _without_closures(
     S = tree.S
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
+    if context.mechanism.weight_shares is not None:
+        local = [load + lift for load, lift in zip(local, context.lifts(), strict=True)]
     pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
     in_joints = np.array([data.f[j].vector for j in tree.bodies[1:]])
 
