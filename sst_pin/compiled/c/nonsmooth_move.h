@@ -2,23 +2,27 @@
 /* From rates to the configuration at the end of a nonsmooth step, for LANES robots at once, in C and
  * in Warp. The generated kernels `advance` and `closing` stand before it. */
 
-/* What bounds a step: factors that make q free of units, the largest correction that closes the
- * loops relative to the step, and beside it, the longest step, the largest change of det Phi_u, a
- * factor, and the least det Phi_u. */
+/* What bounds a step; numbers of q times `units` are free of units. */
 typedef struct {
     int q;
     const number *units;
-    number bend, tolerance, travel, change, least;
+    number bend, tolerance; /* the loops are closed by at most bend times the step + tolerance */
+    number travel;          /* longest step */
+    number change, least;   /* largest factor by which det Phi_u changes, and its least value */
 } bounds_of_step;
 
-/* The inputs x = q, va of the kernels get the closed configuration after h seconds with these rates;
- * `det` is det Phi_u there, and was that at the start. Returns where the step is sound. `y` is room
- * for results of the kernels, `start` for two configurations. */
+/* The most steps of Newton's method onto the closures. */
+#define MOVE_CLOSING_STEPS 4
+
+/* q at the end of a step with the rates va at its end, in the inputs x = q, va of the kernels:
+ * q + h q_dot, then Newton's method onto the closures with the coordinates held. `det` is det Phi_u at
+ * the start, and becomes that at the end. Returns where the step is sound. `y` is room for results of
+ * the kernels, `ends` for two configurations. */
 HELPER mask move_and_close(const bounds_of_step *f, parameters p, number h, real *x, real *y,
-    real *start, real *det)
+    real *ends, real *det)
 {
     const int nq = f->q;
-    real *ahead = start + nq;
+    real *start = ends, *ahead = ends + nq; /* q before the step, and before the loops are closed */
     advance(x, p, y);
     for (int j = 0; j < nq; j++) {
         start[j] = x[j];
@@ -26,15 +30,16 @@ HELPER mask move_and_close(const bounds_of_step *f, parameters p, number h, real
     }
     const real before = *det;
     mask open = before == before;
-    for (int step = 0; step < 4 && some(open); step++) {
+    for (int step = 0; step < MOVE_CLOSING_STEPS && some(open); step++) {
         closing(x, p, y);
         *det = choose(open, y[nq], *det);
-        const mask far = longest_way(f->q, f->units, x, y) > LAST_STEP;
+        const mask far = longest_way(nq, f->units, x, y) > LAST_STEP;
         for (int j = 0; j < nq; j++)
             x[j] = choose(open, y[j], x[j]);
         open &= far;
     }
-    const real way = longest_way(f->q, f->units, start, x), ratio = *det / before;
-    return (way <= f->travel) & (ratio < f->change) & (ratio > 1 / f->change)
-        & (ABSOLUTE(*det) > f->least) & (longest_way(f->q, f->units, ahead, x) <= f->bend * way + f->tolerance);
+    const real way = longest_way(nq, f->units, start, x), opened = longest_way(nq, f->units, ahead, x);
+    const real ratio = *det / before;
+    return (way <= f->travel) & (opened <= f->bend * way + f->tolerance)
+        & (ratio < f->change) & (ratio > 1 / f->change) & (ABSOLUTE(*det) > f->least);
 }

@@ -3,13 +3,14 @@ void run_${entry}(const double *p, const double *numbers, double h, ptrdiff_t st
     double *residual, double *impulses, ptrdiff_t *reached)
 {
     ${tables}
-    real x[${inputs}], y[${room}], start[2 * ${q}];
+    real x[${inputs}], y[${room}], ends[2 * ${q}];
     double one[${outputs} + ${q} + ${n}];
     int flags[FLAGS(${m})];
     double *work = malloc(WORKSPACE(${n}, ${m}, ${motors}) * sizeof(double));
     if (!work)
         return; /* no step is reached */
-    nonsmooth_roll(&robot, &bounds, p, numbers, h, steps, count, tau, held, load, q, va, forces, residual,
-        impulses, reached, x, y, start, work, flags, one);
+    const motions all = {h, steps, count, tau, held, load, q, va, forces, residual, impulses, reached};
+    const workspace w = {x, y, ends, one, work, flags};
+    nonsmooth_roll(&robot, &bounds, p, numbers, &all, &w);
     free(work);
 }
