@@ -8,11 +8,11 @@ from fnmatch import filter as fitting
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, positive_number
+from ..arrays import Array, finite_array, positive_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
-from ..errors import UnknownNameError
-from ..simulation.trajectories import Trajectory
+from ..errors import InputError, UnknownNameError
+from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
 
 
@@ -64,7 +64,8 @@ def tolerances(
 
     Raises:
         UnknownNameError: For an unknown parameter or frame.
-        InputError: If the loops do not close with a parameter changed alone.
+        InputError: If the loops do not close with a parameter changed alone, or for the motion of
+            another robot.
 
     Example:
         >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 3))
@@ -73,10 +74,13 @@ def tolerances(
         array([0.33, 0.26, 0.42])
     """
     require_robot("chain", chain)
+    require_motion(motion, chain.mechanism)
+    if not isinstance(deviations, Mapping):
+        raise InputError("deviations", f"{deviations!r}: a mapping of names to numbers is needed")
     sizes = dict[str, float]()
     known = chain.design_parameters
     for pattern, value in deviations.items():
-        names = [pattern] if pattern in known else fitting(known, pattern)
+        names = [pattern] if pattern in known else fitting(known, str(pattern))
         if not names:
             raise UnknownNameError("design parameter", pattern, list(known))
         sizes |= dict.fromkeys(names, positive_number(pattern, value, or_zero=True))
@@ -129,7 +133,7 @@ def clearance(chain: ClosedChain, q: ArrayLike) -> Array:
     It is 1 over the largest singular value of L, free of units: 0 at a singularity, at most 1.
     """
     require_robot("chain", chain)
-    L, _ = _free_of_units(chain, np.asarray(q, dtype=float))
+    L, _ = _free_of_units(chain, finite_array("q", q, (chain.mechanism.model.nq,)))
     return np.asarray(1 / np.linalg.norm(L, 2, axis=(-2, -1)))
 
 

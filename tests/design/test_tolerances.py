@@ -123,3 +123,15 @@ def test_bars_show_the_shares():
     expected = 100 * np.sum(list(result.shares.values()), axis=0)
     assert_allclose([shown[name] for name in result.names], expected)
     assert list(shown.values()) == sorted(shown.values(), reverse=True)
+
+
+@pytest.mark.parametrize("value", [None, 5, "x", {}, np.zeros(3)], ids=lambda x: type(x).__name__)
+def test_what_is_no_motion_no_mapping_or_no_configuration_is_refused(value):
+    chain = robots.four_bar()
+    with pytest.raises(sst_pin.InputError):
+        tolerances(chain, value, DEVIATIONS, "platform")
+    with pytest.raises(sst_pin.SSTError):
+        clearance(chain, value)
+    if not isinstance(value, dict):
+        with pytest.raises(sst_pin.InputError):
+            tolerances(chain, motion_of(chain), value, "platform")
