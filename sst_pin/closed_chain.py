@@ -154,8 +154,7 @@ class ClosedChain(RobotProperties, Summary):
         contacts: Sequence[Contact | Rope] = (),
         weight_shares: Mapping[str, Share] = MappingProxyType({}),
     ) -> None:
-        if not isinstance(model, pin.Model):
-            raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
+        _require_model(model)
         shares = checked_shares(weight_shares)
         if locked:
             shares = shares_without_locked(model, locked, shares)
@@ -218,6 +217,7 @@ class ClosedChain(RobotProperties, Summary):
 
     def with_model(self, model: pin.Model) -> ClosedChain:
         """This robot with another tree of the same joints and frames, on the reference path."""
+        _require_model(model)
         return self._rebuilt(copied(model))
 
     def _rebuilt(self, model: pin.Model, **changes: object) -> ClosedChain:
@@ -1223,3 +1223,9 @@ class ClosedChain(RobotProperties, Summary):
             ("sizes", f"nq = {model.nq}, nv = {model.nv}"),
             ("computed by", self.backend),
         ]
+
+
+def _require_model(model: object) -> None:
+    """Refuse an argument `model` that is not a tree."""
+    if not isinstance(model, pin.Model):
+        raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")

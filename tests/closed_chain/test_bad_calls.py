@@ -12,7 +12,7 @@ from sst_pin import ClosedChain
 from tests.support.bad_calls import faults
 
 #: Methods that compile, show, read files, or take nothing.
-OTHERS = {"from_description", "with_model", "casadi", "compile", "from_mjcf", "from_urdf"}
+OTHERS = {"from_description", "casadi", "compile", "from_mjcf", "from_urdf"}
 OTHERS |= {"generic_configuration", "refresh", "show"}
 #: Methods whose own tests refuse what is no name of a parameter or a joint, and no device.
 OTHERS |= {"assembly_modes", "design_derivatives", "warp", "with_design"}
@@ -49,6 +49,7 @@ def good_arguments(name):
     good |= {"position": np.zeros(3), "positions": dict.fromkeys(chain.coordinates, 0.1)}
     good |= {"names": chain.design_parameters[:1], "changes": {chain.design_parameters[0]: 1e-3}}
     good |= {"position": chain.frame_placement(q, good["frame"])[0]}
+    good |= {"model": chain.model}
     special = {"rollout": {"tau": m.tau}}
     special["trajectory"] = {name: getattr(m, name) for name in ("t", "q", "va", "aa", "tau")}
     return good, special
