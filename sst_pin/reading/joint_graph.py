@@ -197,6 +197,12 @@ class JointGraph:
         ET.SubElement(self.urdf, "link", name=name)
         return name
 
+    def add_ball_constraint(self, texts: Mapping[str, str]) -> None:
+        """Add a `<drake:ball_constraint>`, which closes a loop, from the texts of its SDF."""
+        element = ET.SubElement(self.urdf, "drake:ball_constraint")
+        for tag, text in texts.items():
+            ET.SubElement(element, tag, name=text, value=text)
+
     def _add_constraint(self, joint: GraphJoint) -> None:
         """Add a joint that closes a loop, and problems of what such a joint cannot have.
 

@@ -50,6 +50,8 @@ def read_sdf(root: ET.Element, source: str, name: str | None = None) -> SdfConte
     poses = {link: world.actInv(frames.pose_in_model(link)) for link in model.links}
     graph = JointGraph(model.element.get("name", ""), joints, poses)
     add_links(model, graph)
+    for ball in model.element.findall("drake:ball_constraint"):
+        graph.add_ball_constraint({part.tag: (part.text or "").strip() for part in ball})
     for frame in model.element.findall("frame"):
         frame_name = frame.get("name", "")
         link = frames.link_of(frame_name)

@@ -98,6 +98,7 @@ _HARMLESS = {
     "self_collide",
     "static",
     "drake:collision_filter_group",
+    "drake:ball_constraint",  # `sdf` reads it
 }
 #: Elements of other tools in a joint that are about its motor, whose torque is an argument.
 _OF_MOTORS = {"drake:controller_gains"}

@@ -537,3 +537,27 @@ def test_a_detachable_joint_of_gazebo_is_a_fixed_joint(tmp_path):
         chain_of(sdf(*bars, plugin.format("r", "no")), tmp_path)
     with pytest.warns(sst_pin.DescriptionWarning, match="DetachableJoint None is not read"):
         chain_of(sdf(*bars, plugin.format("box", "tip")), tmp_path, "j_a")
+
+
+def test_a_ball_constraint_of_drake_holds_points_of_two_links_together(tmp_path):
+    bars = [
+        *(link(name, pose) for name, pose in (("a", "0 0 0 0 0 0"), ("b", "0 0 1 0 0.2 0"))),
+        link("c", "1 0 0 0 0.4 0"),
+        *(joint(f"j_{x}", "revolute", "world", x, axis("0 1 0", frame="__model__")) for x in "ac"),
+        joint("j_b", "revolute", "a", "b", axis("0 1 0", frame="__model__")),
+    ]
+    points = {"b": np.array([0.9, 0.1, 0.2]), "c": np.array([0.1, 0.1, 0.8])}
+    tag = "drake:ball_constraint"
+    parts = [("body_A", "b"), ("p_AP", "0.9 0.1 0.2"), ("body_B", "c"), ("p_BQ", "0.1 0.1 0.8")]
+    ball = "".join(f"<{tag}_{part}>{text}</{tag}_{part}>" for part, text in parts)
+    text = sdf(*bars, f"<{tag}>{ball}</{tag}>")
+    chain = chain_of(text, tmp_path, "j_a")
+    assert [closure.kind for closure in chain.closures] == ["3d"]
+    q = chain.generic_configuration()
+    ends = []
+    for name, point in points.items():
+        place, rotation = chain.frame_placement(q, name)
+        ends.append(place + rotation @ point)
+    assert np.abs(ends[0] - ends[1]).max() < 1e-12
+    with pytest.raises(sst_pin.DescriptionError, match="no is not a link"):
+        chain_of(text.replace("_body_B>c<", "_body_B>no<"), tmp_path)
