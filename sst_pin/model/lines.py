@@ -100,7 +100,7 @@ class LineForce:
         for attribute in NUMBERS_OF_LINE:
             name = f"{attribute} of line {self}"
             value = getattr(self, attribute)
-            if attribute in _LIMITS and value == inf:
+            if attribute in _LIMITS and isinstance(value, float) and value == inf:
                 continue
             number = float(single_array(name, value, ()))
             if number < 0 and attribute != "preload":

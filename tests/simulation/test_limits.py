@@ -133,6 +133,7 @@ def test_a_range_that_is_not_symmetric_is_named(tmp_path):
     ("limits", "problem"),
     [
         ({"lower": 0.5, "upper": 0.4}, "lower of line a-b: 0.5 is above the upper limit 0.4"),
+        ({"effort": np.zeros(2)}, "effort of line a-b: shape"),
         ({"effort": -1}, "effort of line a-b: -1 is negative"),
         ({"velocity": np.nan}, "velocity of line a-b"),
         ({"lower": np.inf}, "lower of line a-b"),
