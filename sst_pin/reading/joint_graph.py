@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from .joint_numbers import FAR
+from .problems import Problem, warning
 from .tool_elements import SPRINGS
 
 #: Name of the base, as in an SDF.
@@ -89,6 +90,7 @@ class JointGraph:
         helpers: Names of links without mass that are not in the file: between two axes of a joint,
             between a joint and its link, and for frames.
         problems: What joints that close loops cannot have.
+        notes: Warnings of limits of joints that close loops.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class JointGraph:
         self.balls = list[str]()
         self.helpers = list[str]()
         self.problems = list[str]()
+        self.notes = list[Problem]()
         self._in_tree = [WORLD]  # links, in the order in which the tree grows
         self._names = {WORLD, *poses, *(joint.name for joint in joints)}
         ET.SubElement(self.urdf, "link", name=WORLD)
@@ -204,7 +207,7 @@ class JointGraph:
             ET.SubElement(element, tag, name=text, value=text)
 
     def _add_constraint(self, joint: GraphJoint) -> None:
-        """Add a joint that closes a loop, and problems of what such a joint cannot have.
+        """Add a joint that closes a loop, and what such a joint cannot have.
 
         It becomes a `<constraint>`, which `loop_elements` reads, with a link, an origin and an axis
         on both sides. A universal joint has its first axis on the parent, its second on the child.
@@ -231,6 +234,9 @@ class JointGraph:
         if joint.kind == "universal" and abs(cosine) > _ORTHOGONAL:
             texts.append("its axes are not at a right angle")
         self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in texts]
+        if any(axis.limit["lower"] > -FAR or axis.limit["upper"] < FAR for axis in joint.axes):
+            text = "limits of a joint that closes a loop are ignored"
+            self.notes.append(warning(f"joint {joint.name}", text))
 
     def add_link(
         self, name: str, place: pin.SE3, mass: float, inertia: Mapping[str, float]

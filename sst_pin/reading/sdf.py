@@ -62,7 +62,7 @@ def read_sdf(root: ET.Element, source: str, name: str | None = None) -> SdfConte
     problems = dict.fromkeys([*model.problems, *graph.problems])  # each once
     if problems:
         raise DescriptionError(source, problems)
-    return SdfContent(graph, gravity, model.notes)
+    return SdfContent(graph, gravity, [*model.notes, *graph.notes])
 
 
 #: From this minor version on, axes are in the frame of the joint by default; before, of the model.

@@ -343,6 +343,12 @@ def test_what_acts_in_other_tools_and_is_not_read_is_named(old, new, told, tmp_p
     assert chain.model.gravity.linear.any() == bool(told)
 
 
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_limits_of_a_joint_that_closes_a_loop_are_named(end, tmp_path):
+    _, texts = told_of(sdf(*closing(f"<limit><{end}>0</{end}></limit>")), tmp_path)
+    assert "joint tip: limits of a joint that closes a loop are ignored" in texts
+
+
 def test_a_link_without_numbers_has_those_of_the_specification(tmp_path):
     text = sdf("<link name='a'/>", joint("j", "revolute", "world", "a", axis("0 1 0")))
     chain, texts = told_of(text, tmp_path)
