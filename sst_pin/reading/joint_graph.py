@@ -259,8 +259,8 @@ class JointGraph:
 def _tree_joint(joint: GraphJoint, *, is_reversed: bool) -> _TreeJoint:
     """A joint as it is in the tree.
 
-    If it is reversed, parent and child change places, axes change their order and sign. So the
-    positions stay the same.
+    If it is reversed, parent and child change places, axes change their order and sign. So
+    positions about and along axes stay the same; the quaternion of a ball turns into its inverse.
     """
     steps = _steps(joint)
     if not is_reversed:
