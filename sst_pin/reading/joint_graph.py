@@ -8,7 +8,7 @@ link without mass, and the link is fixed to the helper. So each link keeps its f
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -94,16 +94,29 @@ class JointGraph:
     """
 
     def __init__(
-        self, name: str, joints: Sequence[GraphJoint], poses: Mapping[str, pin.SE3]
+        self,
+        name: str,
+        joints: Sequence[GraphJoint],
+        poses: Mapping[str, pin.SE3],
+        frames: Collection[str] = (),
     ) -> None:
-        """`poses` has the pose of each link in the world at zero, for links that float."""
+        """Make the joints, and the links without mass between them.
+
+        Args:
+            name: The name of the robot.
+            joints: All joints.
+            poses: The pose of each link in the world at zero, for links that float.
+            frames: Names of the frames that `add_frame` will add.
+        """
         self.urdf = ET.Element("robot", name=name)
         self.balls = list[str]()
         self.helpers = list[str]()
         self.problems = list[str]()
         self.notes = list[Problem]()
         self._in_tree = [WORLD]  # links, in the order in which the tree grows
-        self._names = {WORLD, *poses, *(joint.name for joint in joints)}
+        self._joint_names = {joint.name for joint in joints}
+        self._names = {WORLD, *poses, *frames, *self._joint_names}
+        self._names.update(step.name for each in joints for step in _steps(each))
         ET.SubElement(self.urdf, "link", name=WORLD)
         remaining = list(joints)  # that are not in the tree
         for link in poses:
@@ -130,6 +143,7 @@ class JointGraph:
     def _floating_joint(self, link: str, pose: pin.SE3) -> GraphJoint:
         """A joint for a link that no joint connects with the tree."""
         name = "floating_base" if len(self._in_tree) == 1 else f"{link}_floats"
+        name = self._new_name(name)
         return GraphJoint(name, "floating", WORLD, link, pose, pin.SE3.Identity())
 
     def _add_to_tree(self, graph_joint: GraphJoint) -> None:
@@ -145,6 +159,7 @@ class JointGraph:
         needs_helper = not joint.on_child.isIdentity(_ROUNDING)
         parent = joint.parent
         pose = joint.on_parent
+        self._require_free_names(graph_joint, joint.steps)
         for number, step in enumerate(joint.steps, start=1):
             is_last = number == len(joint.steps)
             if not is_last:
@@ -164,6 +179,16 @@ class JointGraph:
         if needs_helper:
             name = self._new_name(f"{joint.child}_fixed")
             self._add_joint(name, "fixed", parent, joint.child, joint.on_child.inverse())
+
+    def _require_free_names(self, joint: GraphJoint, steps: Sequence[_Step]) -> None:
+        """Add a problem if a joint of one axis would get the name of another joint.
+
+        Such names are fixed, because `<mimic>` and users refer to them.
+        """
+        for step in steps:
+            if step.name != joint.name and step.name in self._joint_names:
+                text = f"a part of it gets the name {step.name}, which another joint has"
+                self.problems.append(f"joint {joint.name}: {text}; rename one of them")
 
     def _add_joint(
         self, name: str, kind: str, parent: str, child: str, place: pin.SE3

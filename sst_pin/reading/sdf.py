@@ -48,11 +48,13 @@ def read_sdf(root: ET.Element, source: str, name: str | None = None) -> SdfConte
     frames = model.frames
     world = frames.pose_in_model(WORLD)
     poses = {link: world.actInv(frames.pose_in_model(link)) for link in model.links}
-    graph = JointGraph(model.element.get("name", ""), joints, poses)
+    frame_elements = model.element.findall("frame")
+    frame_names = [frame.get("name", "") for frame in frame_elements]
+    graph = JointGraph(model.element.get("name", ""), joints, poses, frame_names)
     add_links(model, graph)
     for ball in model.element.findall("drake:ball_constraint"):
         graph.add_ball_constraint({part.tag: (part.text or "").strip() for part in ball})
-    for frame in model.element.findall("frame"):
+    for frame in frame_elements:
         frame_name = frame.get("name", "")
         link = frames.link_of(frame_name)
         if link:

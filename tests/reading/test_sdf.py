@@ -172,6 +172,17 @@ def test_a_model_that_nothing_holds_floats_and_gravity_is_the_worlds(tmp_path):
     np.testing.assert_array_equal(chain.model.gravity.linear, [0, 1.62, 0])
 
 
+def test_names_of_the_file_stand_where_the_reader_would_take_them(tmp_path):
+    """A joint as a floating base would be named, a frame as a link before an offset hinge."""
+    offset = "<pose>0 0 0.1 0 0 0</pose>"
+    hinge = joint("floating_base", "continuous", "a", "b", offset + axis("0 1 0"))
+    frame = '<frame name="b_at_floating_base" attached_to="a"><pose>0 0 2 0 0 0</pose></frame>'
+    chain = chain_of(sdf(A, B, hinge, frame, pose="0 0 0 0 0 0"), tmp_path)
+    assert chain.joint_names == ("floating_base_", "floating_base")
+    position, _ = chain.frame_placement(pin.neutral(chain.model), "b_at_floating_base")
+    np.testing.assert_allclose(position, [0, 0, 2], atol=1e-15)
+
+
 @pytest.mark.filterwarnings("ignore:.*no configuration is named home")
 def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
     limits = "<limit><lower>-0.5</lower><upper>0.7</upper><effort>9</effort></limit>"
@@ -236,6 +247,10 @@ def closing(inside: str) -> list[str]:
         (closing(FOLLOWS), "joint tip: closes a loop and has mimic"),
         (closing(SPRING), "joint tip: closes a loop and has spring_stiffness"),
         (turning(LIMITS), "joint j: its lower limit is above the upper one"),
+        (
+            [A, B, joint("u", "universal", "world", "a"), joint("u_1", "fixed", "a", "b")],
+            "joint u: a part of it gets the name u_1, which another joint has",
+        ),
     ],
 )
 def test_faults_are_told_with_the_element(parts, told, tmp_path):
