@@ -168,6 +168,16 @@ _OF_MUJOCO = {
     ),
     "option": ("gravity", "density", "viscosity", "wind"),
 }
+#: Flags of `<option>` that switch forces or closures off.
+_FLAGS_OF_MUJOCO = (
+    "gravity",
+    "spring",
+    "damper",
+    "passive",
+    "frictionloss",
+    "equality",
+    "constraint",
+)
 
 
 def _mujoco(element: ET.Element) -> Iterator[Problem]:
@@ -180,6 +190,10 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
             # Zero changes nothing, unless it is a gravity.
             if key == "gravity" or not stands_for(value, 0):
                 yield warning("<mujoco>", f"<{part.tag} {key}={value!r}> is not read")
+    for flags in element.findall("option/flag"):
+        for key in _FLAGS_OF_MUJOCO:
+            if flags.get(key) == "disable":
+                yield warning("<mujoco>", f"<flag {key}='disable'> is not read")
     for tag in ("equality", "tendon", "actuator", "contact"):
         if element.find(tag) is not None:
             yield warning("<mujoco>", f"<{tag}> is not read; ClosedChain.from_mjcf reads an MJCF")

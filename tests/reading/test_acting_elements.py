@@ -73,6 +73,10 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
             "<mujoco>: <option gravity='0 0 0'> is not read",
         ),
         (
+            '<mujoco><option><flag gravity="disable" sensor="disable"/></option></mujoco>',
+            "<mujoco>: <flag gravity='disable'> is not read",
+        ),
+        (
             '<frame name="A" link="base"/><frame name="C" link="arm"/>'
             '<drake:linear_bushing_rpy><drake:bushing_frameA name="A"/>'
             '<drake:bushing_frameC name="C"/></drake:linear_bushing_rpy>',
@@ -102,6 +106,7 @@ def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
         '<gazebo><plugin name="control" filename="libgazebo_ros2_control.so"/></gazebo>',
         '<sensor name="s" gz:type="camera"><gz:parent link="arm"/></sensor>',
         '<ros2_control name="c"><joint name="hinge"/></ros2_control>',
+        '<mujoco><option><flag gravity="enable" contact="disable"/></option></mujoco>',
     ],
 )
 def test_what_does_not_act_is_not_named(tmp_path, element):
