@@ -69,12 +69,15 @@ def unread_elements(root: ET.Element) -> Iterator[Problem]:
 
 
 def texts_of(element: ET.Element) -> set[str]:
-    """All attributes and texts of an element and of those in it, without white space around."""
+    """All attributes and texts of an element and of those in it, without white space around.
+
+    Empty ones are left out: they are no names.
+    """
     texts = set[str]()
     for part in element.iter():
         texts.update(part.attrib.values())
         texts.add((part.text or "").strip())
-    return texts
+    return texts - {""}
 
 
 # --- Gazebo -----------------------------------------------------------------------------------
@@ -112,20 +115,22 @@ def _gazebo(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
             yield from plugin_problem(plugin, where)
 
 
-#: Parts of names of plugins that exert no force, or only move motors. `imu` and `ray` count only if
-#: no letter stands before them, as in `array`.
+#: Parts of names of plugins that exert no force, or only move motors; in lower case, without - and
+#: _, which different versions of Gazebo put at different places.
 _FORCELESS = re.compile(
     "altimeter|applyjointforce|battery|breadcrumb|bumper|camera|comms|contact|control|depth|"
-    "detector|drive|forcetorque|gps|(?<![a-z])imu|label|laser|lidar|magnetometer|monitor|navsat|"
-    "openni|p3d|physics|projector|publisher|(?<![a-z])ray|range|scene|sensor|sonar|steering|"
-    "trajectory|usercommands|video"
+    "detector|drive|forcetorque|gps|label|laser|lidar|magnetometer|monitor|navsat|openni|p3d|"
+    "physics|projector|publisher|range|scene|sensor|sonar|steering|trajectory|usercommands|video"
 )
+#: The same for short words, which count only as a whole word: `array` and `Rayleigh` have no `ray`.
+_FORCELESS_WORDS = re.compile("((?<![A-Za-z])(imu|ray)|Imu|IMU|Ray)(?![a-z])")
 
 
 def plugin_problem(plugin: ET.Element, where: str) -> Iterator[Problem]:
     """A warning of a plugin of Gazebo, in a URDF or an SDF, that may exert forces."""
-    name = f"{plugin.get('name')} {plugin.get('filename')}"
-    if not _FORCELESS.search(re.sub("[-_]", "", name.lower())):
+    name = f"{plugin.get('name', '')} {plugin.get('filename', '')}".strip()
+    joined = re.sub("[-_]", "", name.lower())
+    if not _FORCELESS.search(joined) and not _FORCELESS_WORDS.search(name):
         yield warning(where, f"plugin {name} is not read, nor any force of it")
 
 

@@ -2,11 +2,13 @@
 """What acts in the file of another tool is read, or named by a warning and by `validate`."""
 
 import warnings
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
 
 import sst_pin
+from sst_pin.reading.acting_elements import plugin_problem, unread_elements
 
 BODY = """<inertial><mass value="1"/><origin xyz="0.1 0 0"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -111,6 +113,31 @@ def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
 )
 def test_what_does_not_act_is_not_named(tmp_path, element):
     assert read(tmp_path, element)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("filename", "exerts_no_force"),
+    [
+        ("gz-sim-imu-system", True),
+        ("libgazebo_ros_imu.so", True),
+        ("libgazebo_ros_gpu_ray.so", True),
+        ("libGazeboRosImu.so", True),
+        ("libRayPlugin.so", True),
+        ("magnet_array", False),
+        ("libRayleighDamping.so", False),
+        ("rayleigh_damping", False),
+    ],
+)
+def test_sensors_are_known_by_whole_words(filename, exerts_no_force):
+    plugin = ET.Element("plugin", filename=filename)
+    texts = [problem.text for problem in plugin_problem(plugin, "gazebo")]
+    expected = [f"plugin {filename} is not read, nor any force of it"]
+    assert texts == ([] if exerts_no_force else expected)
+
+
+def test_parts_without_names_are_not_named_by_elements_without_texts():
+    root = ET.fromstring('<robot><link/><link name="a"/><spring joint="a"> </spring></robot>')
+    assert [problem.text for problem in unread_elements(root)] == ["of a is not read"]
 
 
 @pytest.mark.parametrize(

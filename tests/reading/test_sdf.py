@@ -337,7 +337,7 @@ def told_of(text: str, tmp_path) -> tuple[sst_pin.ClosedChain, str]:
         ("<inert", f"{DECAY}<inert", "link a: <velocity_decay/linear> is not read"),
         ("<mass", "<fluid_added_mass/><mass", "link a: <fluid_added_mass> is not read"),
         ("<inert", "<enable_wind>1</enable_wind><inert", "model: wind is not read"),
-        ("</link>", f'</link><plugin name="{WATER}"/>', f"plugin {WATER} None is not read"),
+        ("</link>", f'</link><plugin name="{WATER}"/>', f"plugin {WATER} is not read"),
         (
             '"a"><pose>',
             '"a"><pose relative_to="world">',
@@ -556,7 +556,7 @@ def test_a_detachable_joint_of_gazebo_is_a_fixed_joint(tmp_path):
         assert np.abs(chain.compute_torques(q, [0.3], [0.5]) - f).max() < 1e-11 * np.abs(f).max()
     with pytest.raises(sst_pin.DescriptionError, match="'no' is not a link of this model"):
         chain_of(sdf(*bars, plugin.format("r", "no")), tmp_path)
-    with pytest.warns(sst_pin.DescriptionWarning, match="DetachableJoint None is not read"):
+    with pytest.warns(sst_pin.DescriptionWarning, match="DetachableJoint is not read"):
         chain_of(sdf(*bars, plugin.format("box", "tip")), tmp_path, "j_a")
 
 
