@@ -3,16 +3,23 @@
 
 A thread of a GPU has registers for about a hundred doubles. All other results that are still to be
 used are in its stack, which is in memory, and access to it takes longer than an operation does. So
-a result that is used long after it was computed is computed again, if few operations suffice.
+a result that is used long after it was computed is computed again, if few operations suffice:
+
+    const real t1 = x[0] * x[1];              const real t1 = x[0] * x[1];
+    const real t2 = t1 + p[0];                const real t2 = t1 + p[0];
+    ... (long)                          ->    ... (long)
+                                              const real t3 = again(x[0]) * x[1];
+    y[5] = t1 - t2;                           const real t4 = again(t3) + p[0];
+                                              y[5] = t3 - t4;
 """
 
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-#: A result that is not used for more statements than this is computed again,
+#: A result is computed again before a use if it was not used for more statements than this.
 _NEAR = 200
-#: if this takes no more statements.
+#: It is kept instead if computing it again would take more statements than this.
 _MOST = 50
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
@@ -59,7 +66,11 @@ def _read(line: str) -> _Statement:
 
 
 class _Recomputation:
-    """Goes through statements from the first to the last; `lines` are the new statements."""
+    """Goes through statements from the first to the last; `lines` are the new statements.
+
+    A result is *available* at a statement if it need not be computed again there: it was used or
+    defined shortly before, or it takes a function, or it is kept.
+    """
 
     def __init__(self, statements: Sequence[_Statement]) -> None:
         #: The statement that defines each result, and the number of the last one that uses it.
@@ -83,7 +94,7 @@ class _Recomputation:
             self._recent |= dict.fromkeys(statement.targets, i)
 
     def _provide(self, result: str, at: int) -> None:
-        """Have a result for the statement of this number: keep it, or compute it again."""
+        """Make a result available at the statement of this number: keep it, or compute it again."""
         if not self._is_available(result, at):
             if self._cost(result, at, _MOST) > _MOST:
                 self._kept.add(result)
@@ -91,13 +102,12 @@ class _Recomputation:
                 self._repeat(result, at)
         self._recent[result] = at
 
-    def _is_near(self, result: str, at: int) -> bool:
-        return at - self._recent[result] <= _NEAR
-
     def _is_available(self, result: str, at: int) -> bool:
-        """Whether a result is alive at a statement, also if it is not used there."""
-        if self._is_near(result, at) or not self._defined_by[result].expression:
+        """Whether a result is available at the statement of this number."""
+        is_near = at - self._recent[result] <= _NEAR
+        if is_near or not self._defined_by[result].expression:
             return True
+        # A kept result ends with its last use in the statements that were given.
         return result in self._kept and self._last_use[result] >= at
 
     def _cost(self, result: str, at: int, most: int) -> int:
@@ -121,6 +131,7 @@ class _Recomputation:
             if not self._is_available(operand, at):
                 self._repeat(operand, at)
             self._recent[operand] = at
+        # One hidden number is enough to hide that the value is known.
         expression = _NUMBER.sub(
             lambda number: f"again({number[0]})", self._with_copies(statement.expression), count=1
         )
