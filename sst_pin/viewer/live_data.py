@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
@@ -17,10 +18,10 @@ from .curve_sets import torques_of
 from .robot_scene import Scene
 from .scene_parts import ForceArrow, TorqueArrow
 
-#: A slider ignores the limits of an angle if one is at least this far from zero, [rad].
-_TURN = 2 * np.pi
-#: Limits beyond this are ignored.
+#: Limits beyond this are no limits, [rad], [m], [N m] or [N]: files write 1e9 or 1e30 for none.
 _FAR = 1e6
+#: Acceleration by which the times of a page scale without gravity, [m/s^2]: that on Earth.
+_ON_EARTH = 9.81
 
 
 def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
@@ -28,11 +29,13 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     mechanism = robot.mechanism
     model = mechanism.model
     space = mechanism.space
-    gravity = float(np.linalg.norm(model.gravity.linear)) or 9.81
+    gravity = float(np.linalg.norm(model.gravity.linear)) or _ON_EARTH
     weight = gravity * sum(body.mass for body in model.inertias)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
-    efforts = np.abs(mechanism.actuation).T @ np.minimum(model.effortLimit, 10 * _FAR)
-    motors["limits"] = [x if 0 < x < _FAR else None for x in efforts.tolist()]
+    # Infinite limits become finite: infinity times a factor of zero is not a number.
+    joint_limits = np.minimum(model.effortLimit, 10 * _FAR)
+    motor_limits = (np.abs(mechanism.actuation).T @ joint_limits).tolist()
+    motors["limits"] = [limit if 0 < limit < _FAR else None for limit in motor_limits]
     # The largest torque of a slider: the weight of the robot at half of its length.
     largest = [weight * (scene.size / 2 if unit == "N m" else 1) for unit in motors["units"]]
     return {
@@ -77,20 +80,12 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
     for k in space.rates_of(robot.coordinates).tolist():
         joint = joint_of_rate[k]
         unit = space.rate_units[k]
+        # A slider without limits is a turn, or four lengths of the robot.
         half_range = np.pi if unit == "rad" else 2 * size
         if joint.nq == joint.nv:
             kind = "position"
             i = joint.idx_q + k - joint.idx_v
-            low = model.lowerPositionLimit[i]
-            high = model.upperPositionLimit[i]
-            no_limit = _TURN if unit == "rad" else 4 * size
-            if max(abs(low), abs(high)) >= no_limit:
-                middle = 0.0 if unit == "rad" else q[i]
-                low = middle - half_range
-                high = middle + half_range
-            # The start is on the slider, even if it is beyond the limits.
-            low = min(low, q[i])
-            high = max(high, q[i])
+            low, high = _ends_of_slider(model, i, float(q[i]), half_range, unit)
         else:
             kind = "angle" if joint.nv == 1 else "rate"
             i = joint.idx_q
@@ -101,10 +96,23 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
             "unit": unit,
             "kind": kind,
             "i": i,
-            "low": float(low),
-            "high": float(high),
+            "low": low,
+            "high": high,
             "scale": size if unit == "m" else 1.0,
         }
+
+
+def _ends_of_slider(
+    model: pin.Model, i: int, start: float, half_range: float, unit: str
+) -> tuple[float, float]:
+    """Both ends of the slider of entry i of q; its start is on it, even beyond the limits."""
+    low = float(model.lowerPositionLimit[i])
+    high = float(model.upperPositionLimit[i])
+    if max(abs(low), abs(high)) >= 2 * half_range:  # not limited, or too little to be seen
+        middle = 0.0 if unit == "rad" else start
+        low = middle - half_range
+        high = middle + half_range
+    return min(low, start), max(high, start)
 
 
 def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
