@@ -56,15 +56,20 @@ const tangent = Math.tanh, sign = (x, rest) => x > rest ? 1 : x < -rest ? -1 : 0
 const direction = (x, width, rest) => width > 0 ? tangent(x / width) : sign(x, rest);
 const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, rest);
 """
-#: The most choices of coordinates and pivots.
-_MOST = 4
-#: Walks that look for them.
+#: The most choices of coordinates and pivots; each of them adds its dynamics to the page.
+_MOST_CHOICES = 4
+#: Walks that look for choices, and the steps of each.
 _WALKS = 6
-#: Steps of a walk.
 _STEPS = 50
-#: The pivots of a choice are small where their check is larger.
-_SMALL = 1e-3
-#: Statements of a function that browsers optimise.
+#: Length of a step, [rad] or robot lengths.
+_STEP = 0.1
+#: Random part, and part along gravity, of the direction of a step, relative to that of the step
+#: before.
+_RANDOM = 0.1
+_FALL = 0.3
+#: The pivots of a choice are large enough where their check is below this; as in engine.js.
+_GOOD_PIVOTS = 1e-3
+#: The most statements of a function that browsers optimise.
 _LARGEST = 600
 
 
@@ -92,11 +97,11 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     for configuration in _walks(space, mechanism, q):
         best, condition = space.in_good_coordinates(configuration)
         smallest = min(float(check(configuration, numbers)) for check in checks)
-        if condition < WELL_CONDITIONED and smallest > _SMALL:
+        if condition < WELL_CONDITIONED and smallest > _GOOD_PIVOTS:
             other = Reference(replace(mechanism, coordinates=best.coordinates))
             equations.append(_equations_near(other, configuration))
             checks.append(_small_pivots(equations[-1]))
-        if len(equations) == _MOST:
+        if len(equations) == _MOST_CHOICES:
             break
     return equations
 
@@ -129,12 +134,12 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
         for _ in range(_STEPS):
             motions = free_motions(space.Phi(q))
             fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
-            if fall.any():
-                fall = fall / np.linalg.norm(fall)
+            fall = fall / (np.linalg.norm(fall) + 1e-9)
             direction = direction / np.linalg.norm(direction)
-            direction = direction + 0.1 * random.standard_normal(model.nv)
-            direction = motions @ (motions.T @ (direction + 0.3 * fall))
-            step = 0.1 * direction / np.linalg.norm(direction) * mechanism.rate_scale
+            direction = direction + _RANDOM * random.standard_normal(model.nv)
+            # The part that keeps the loops closed.
+            direction = motions @ (motions.T @ (direction + _FALL * fall))
+            step = _STEP * direction / np.linalg.norm(direction) * mechanism.rate_scale
             suited, _ = space.in_good_coordinates(q)
             try:
                 q = suited.closed(np.concatenate([pin.integrate(model, q, step), at_rest]))
@@ -162,26 +167,34 @@ def page_code(equations: Sequence[Equations]) -> str:
     if first.driven:
         common_kernels.append(replace(kernels.make(first, "torques"), name="torques"))
     common = _functions(common_kernels, "f0")
-    definitions = [common.definitions]
-    sets = []
-    for i, e in enumerate(equations, start=1):
-        layout = "null"
-        kernels_of_set = _dynamics(e)
-        if has_contacts:
-            terms = NonsmoothTerms(e, _rows(e.mechanism))
-            kernels_of_set.append(replace(terms.kernel(Checks(e)), name="terms"))
-            scale = e.mechanism.rate_scale[e.mechanism.coordinates].tolist()
-            layout = json.dumps(asdict(terms.layout) | {"coordinate_scale": scale})
-        functions = _functions(kernels_of_set, f"f{i}")
-        definitions.append(functions.definitions)
-        sets.append(
-            f"{{coordinates: {e.mechanism.coordinates.tolist()}, parts: {_parts(e.mechanism)}, "
-            f"layout: {layout}, kernels: {functions.listed}}}"
-        )
+    sets = [_set(e, f"f{i}", has_contacts) for i, e in enumerate(equations, start=1)]
+    definitions = "".join(functions.definitions for functions in (common, *sets))
+    listed_sets = ", ".join(functions.listed for functions in sets)
     elements = json.dumps(_elements(first)) if has_contacts else "null"
-    result = f"{{common: {common.listed}, sets: [{', '.join(sets)}], nonsmooth: {elements}}}"
-    code = f"{_HELPERS}{''.join(definitions)}return {result};"
+    result = f"{{common: {common.listed}, sets: [{listed_sets}], nonsmooth: {elements}}}"
+    code = f"{_HELPERS}{definitions}return {result};"
     return f"const sst_functions = (() => {{\n{code}\n}})();\n"
+
+
+def _set(e: Equations, prefix: str, has_contacts: bool) -> "_Functions":
+    """The dynamics by one choice of coordinates and pivots; names begin with the prefix."""
+    mechanism = e.mechanism
+    kernels_of_set = _dynamics(e)
+    layout = "null"
+    if has_contacts:
+        terms = NonsmoothTerms(e, _rows(mechanism))
+        kernels_of_set.append(replace(terms.kernel(Checks(e)), name="terms"))
+        scale = mechanism.rate_scale[mechanism.coordinates].tolist()
+        layout = json.dumps(asdict(terms.layout) | {"coordinate_scale": scale})
+    functions = _functions(kernels_of_set, prefix)
+    members = {
+        "coordinates": mechanism.coordinates.tolist(),
+        "parts": _parts(mechanism),
+        "layout": layout,
+        "kernels": functions.listed,
+    }
+    listed = ", ".join(f"{name}: {member}" for name, member in members.items())
+    return functions._replace(listed=f"{{{listed}}}")
 
 
 def _dynamics(e: Equations) -> list[SymbolicKernel]:
@@ -281,7 +294,7 @@ class _Functions(NamedTuple):
 
     #: The definitions of their functions.
     definitions: str
-    #: An object with the description of each kernel by its name.
+    #: An object with the description of each kernel by its name; of a set, of the set.
     listed: str
 
 
