@@ -197,28 +197,11 @@ class Kinematics:
         return step
 
     def q_rates(self, v: Sparse) -> SX:
-        """Rates of the entries of q, those of quaternions and cosine-sine pairs among them."""
-        q = self.q
-        rates = SX(q.numel(), 1)
+        """Rates of the entries of q, shape (nq,), for rates v of the joints."""
+        rates = SX(self.q.numel(), 1)
         for link in self.tree.links[1:]:
-            first = link.q.start
-            last = link.q.stop
-            link_rates = column(v, link.v)
-            if link.kind not in _UNIT:
-                rates[first:last] = link_rates
-            elif link.kind in ("unbounded", "planar"):
-                c, s = q[last - 2], q[last - 1]
-                rates[last - 2 : last] = ca.vertcat(-s, c) * link_rates[-1]
-            else:
-                vector = q[last - 4 : last - 1]
-                w = q[last - 1]
-                omega = link_rates[-3:]
-                vector_rate = w * omega + ca.cross(vector, omega)
-                rates[last - 4 : last] = ca.vertcat(vector_rate, -ca.dot(vector, omega)) / 2
-            if link.kind in ("planar", "free"):
-                R, _ = _joint_placement(link, [q[i] for i in link.q])
-                size = len(link.q) - _UNIT[link.kind]
-                rates[first : first + size] = R[:size, :size] @ link_rates[:size]
+            entries = self.q[link.q.start : link.q.stop]
+            rates[link.q.start : link.q.stop] = _q_rates_of(link, entries, column(v, link.v))
         return rates
 
     @property
@@ -411,6 +394,35 @@ def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
         W = ca.skew(vector)
         R = SX.eye(3) + 2 * (w * W + W @ W)
     return R, p
+
+
+def _q_rates_of(link: Link, q: SX, v: SX) -> SX:
+    """Rates of the coordinates q of a joint for its rates v = [u; omega], in the axes of the link.
+
+    A unit vector comes last. The cosine and the sine of an angle have the rates
+
+        c_dot = -s omega,  s_dot = c omega,
+
+    a quaternion with the vector e and the scalar w has
+
+        e_dot = (w omega + e x omega) / 2,  w_dot = -e . omega / 2.
+
+    The positions before a unit vector have the rates R u.
+    """
+    if link.kind not in _UNIT:
+        return v
+    if _UNIT[link.kind] == 2:
+        c, s = q[-2], q[-1]
+        unit_rates = ca.vertcat(-s, c) * v[-1]
+    else:
+        e, w = q[-4:-1], q[-1]
+        omega = v[-3:]
+        unit_rates = ca.vertcat(w * omega + ca.cross(e, omega), -ca.dot(e, omega)) / 2
+    positions = q.numel() - _UNIT[link.kind]
+    if not positions:
+        return unit_rates
+    R, _ = _joint_placement(link, ca.vertsplit(q))
+    return ca.vertcat(R[:positions, :positions] @ v[:positions], unit_rates)
 
 
 def _rotation(axis: Array, cosine: SX, sine: SX) -> SX:
