@@ -22,6 +22,12 @@ def compiled_robot(cache_of_the_run):
     return robot
 
 
+@pytest.fixture
+def kernels_at_their_first_use(monkeypatch):
+    """`compile` makes no kernels ahead: a test compiles only those that it uses."""
+    monkeypatch.setattr("sst_pin.compiled.compiled_backend.FIRST", ())
+
+
 @pytest.fixture(scope="session", params=range(2))
 def odd(request):
     """An SST far from the paper's, friction in all joints."""

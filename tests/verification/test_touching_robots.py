@@ -60,6 +60,7 @@ CASES = {
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("kernels_at_their_first_use")
 @pytest.mark.parametrize("name", CASES)
 def test_robots_that_fall_onto_floors_and_stops_move_as_in_mujoco(name):
     """Both methods are of first order: their errors are what halving the steps changes.
