@@ -26,7 +26,7 @@ def slow(*names):
 #: Robots that differ in their closures, joints, or ways of elimination: loops whose rows all count,
 #: surplus motors, joints of two and three rates, rails, lines, one loop behind another.
 FEW = slow("ankle", "bricard", "governor", "planar_4rrr")
-MORE = slow("andrews", "bennett", "delta", "excavator", "leg", "scissor_lift", "stewart", "ups_pu")
+MORE = slow("andrews", "bennett", "excavator", "leg", "scissor_lift", "stewart", "ups_pu")
 
 
 #: The closing kernel of Bricard's linkage, all of whose rows count together, has no pivots.
