@@ -12,6 +12,8 @@ from tests.gallery.on_feet import biped
 from tests.gallery.touching import block_on_slope, flat_bar, frame
 from tests.support.biped_in_mujoco import mujoco_biped, start_of
 
+pytestmark = pytest.mark.usefixtures("kernels_at_their_first_use")
+
 
 def _compiled(chain):
     fast = sst_pin.ClosedChain.__copy__(chain)
