@@ -19,7 +19,7 @@ from .c_statements import OF_PARAMETERS, OF_SAMPLE, written
 from .compiled_states import CHANGE, NEARBY
 from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
-from .recomputation import with_cheap_results_again
+from .recomputation import with_addresses_again, with_cheap_results_again
 
 #: Arguments of the functions of passes.
 _OF_PASSES = (
@@ -123,8 +123,8 @@ def body(
         size: Size of p before the constants of this kernel; that of the parameters by default.
         suffix: The suffix of literals, "f" in single precision.
         in_memory: Whether results that are used much later are kept in an array, in GNU C.
-        recompute: Whether results that are cheap are computed again instead of kept, for GPUs. Long
-            functions stay as they are: their parts hand results on in an array.
+        recompute: Whether cheap results and addresses are computed again instead of kept, for GPUs.
+            Long functions stay as they are: their parts hand results on in an array.
     """
     writer = written(kernel, size, suffix)
     name = kernel.name
@@ -193,7 +193,7 @@ def _function(
     head = f"{storage} void {name}({arguments})"
     if len(lines) <= statements.LARGEST:
         if recompute:
-            lines = with_cheap_results_again(lines)
+            lines = with_addresses_again(with_cheap_results_again(lines))
         body_lines = arranged(statements.together(lines))
         return _Function(statements.function(head, [unused, *body_lines]), room)
     parts, handed_on = statements.in_parts(statements.pieces(lines))

@@ -30,6 +30,9 @@ _FUNCTION = re.compile(r"[A-Za-z]\w*\(")
 #: A number that can be hidden from the compiler: a result or an entry of an array.
 _NUMBER = re.compile(r"\b(?:(?:ti?|s|c)\d+|[a-z]\[\d+\])")
 
+#: The start of an entry of the parameters.
+_PARAMETER = re.compile(r"\bp\[")
+
 
 class _Statement(NamedTuple):
     """A statement, and the names in it."""
@@ -52,6 +55,15 @@ def with_cheap_results_again(lines: Sequence[str]) -> list[str]:
     precision: 1.8 times the statements, and a stack of 1.5 kB instead of 3.8 kB.
     """
     return _Recomputation([_read(line) for line in lines]).lines
+
+
+def with_addresses_again(lines: Sequence[str]) -> list[str]:
+    """Statements that compute the address of a parameter wherever they read it.
+
+    `located(p)` is p; it hides from the compiler that an address is known. Measured for the steps
+    of the delta in double precision: a stack of 2.0 kB instead of 2.9 kB.
+    """
+    return [_PARAMETER.sub("located(p)[", line) for line in lines]
 
 
 def _read(line: str) -> _Statement:

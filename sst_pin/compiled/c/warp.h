@@ -2,19 +2,11 @@
 /* Beside real.h in a class of a function of Warp, in C++: one thread computes one sample. */
 
 /* The parameters of a sample are `step` numbers apart, so that neighbours in memory are those of
- * neighbouring samples. The compiler for a GPU does not know that `step` stays the same: otherwise it
- * computes all addresses before the loops of a step, and keeps them in the stack. */
+ * neighbouring samples. */
 struct strided {
     number *data;
     unsigned step;
-    number &operator[](unsigned k) const
-    {
-        unsigned distance = step;
-#ifdef __CUDA_ARCH__
-        asm volatile("" : "+r"(distance));
-#endif
-        return data[(size_t)k * distance];
-    }
+    number &operator[](unsigned k) const { return data[(size_t)k * step]; }
 };
 typedef strided parameters;
 typedef strided constants;
@@ -44,6 +36,16 @@ HELPER real again(real x)
 #endif
 #endif
     return x;
+}
+
+/* p; the compiler for a GPU does not know that it has the same addresses as before. Otherwise it
+ * computes all of them before the loops of a step, and keeps them in the stack. */
+HELPER strided located(strided p)
+{
+#ifdef __CUDA_ARCH__
+    asm volatile("" : "+r"(p.step));
+#endif
+    return p;
 }
 
 HELPER number &at(const rows &a, int i, int j)
