@@ -263,9 +263,13 @@ class Integration:
         limit_stays_largest = limit_was_largest and coordinate_change.at_largest
         nothing_changes = settled.space is state.space and limit_stays_largest
         if nothing_changes or self._steps.stuck:
+            where = "before a singularity"
+            if not nothing_changes:
+                where = "because the steps become too short"
+            condition = settled.space.condition_number(settled.q)
             self.stopped = (
-                f"stopped at t = {state.t:.9g} s before a singularity: "
-                f"condition number {coordinate_change.limit:g}{self._crossing.problem}"
+                f"stopped at t = {state.t:.9g} s {where}: "
+                f"condition number {condition:.5g}{self._crossing.problem}"
             )
         return settled
 

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.simulation.state_equations import StateEquations
+from sst_pin.simulation.step_control import StepControl
 from sst_pin.sst import paper
 from sst_pin.states import StateSpace
-from tests.gallery import EVERY_ROBOT, governor
+from tests.gallery import EVERY_ROBOT, governor, n_four_bar
 from tests.support import link_tables
 from tests.support.by_hand import add, at
 
@@ -90,6 +91,14 @@ def test_steps_lead_across_singularities_of_the_coordinates(compiled_robot):
 def test_a_start_in_a_singularity_is_refused(robot):
     with pytest.raises(sst_pin.InputError, match="closer to a singularity"):
         robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
+
+
+def test_a_motion_with_too_short_steps_says_so_and_not_that_a_singularity_is_near(monkeypatch):
+    """A four-bar falls flat; its first irregular step counts as too short."""
+    monkeypatch.setattr(StepControl, "stuck", True)
+    chain = n_four_bar(1)
+    with pytest.warns(sst_pin.SingularityWarning, match="because the steps become too short: cond"):
+        chain.simulate([0], chain.home, [-8.0], [0, 0.3], rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.slow
