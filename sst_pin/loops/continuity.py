@@ -126,9 +126,9 @@ class Continuity:
         """
         q = start
         done = 0.0  # up to this fraction the motion is continuous
-        end = first  # the fraction that is tried next
+        end = max(first, _SHORTEST)  # the fraction that is tried next
         count = 0
-        while done < 1 and end - done >= _SHORTEST:
+        while done < 1:
             if count == looks:
                 raise ClosureError(
                     f"the motion is too long: {100 * done:.2g} % of it took {looks} steps; give "
@@ -146,6 +146,8 @@ class Continuity:
                 end = min(1.0, done + 2 * length)
             else:
                 end = (done + end) / 2
+                if end - done < _SHORTEST:
+                    break
         return done, q
 
     def _goes_on(self, before: Array, after: Array, limit: float) -> bool:

@@ -38,3 +38,12 @@ def test_rates_of_dependent_coordinates_do_not_start_a_motion(bars):
     chain, q0 = bars
     with pytest.raises(sst_pin.SingularConfigurationError, match="here crank describe"):
         chain.with_coordinates(["rocker"]).simulate([0.0], q0, [0.1], [0, 0.1])
+
+
+def test_a_rate_of_almost_zero_that_reverses_at_once_is_as_rest():
+    """The first step reverses after a part of it that is shorter than its rounding."""
+    chain = sst_pin.robots.four_bar()
+    t = [0, 0.01, 0.02]
+    expected = chain.simulate([3.0], chain.home, [0.0], t)
+    motion = chain.simulate([3.0], chain.home, [-1e-100], t)
+    np.testing.assert_allclose(motion.q, expected.q, atol=1e-9)  # rtol is 1e-12
