@@ -7,7 +7,7 @@ axis, or the rate of a joint. Dampers, springs and motors act along rows too; th
 which means that the step uses their rates at its end.
 
 The rows are sparse: only entries that can differ from zero are results of the kernel. `Layout` says
-where they are; `c/nonsmooth.h` makes a step of them.
+where they are; `c/nonsmooth_step.h` makes a step of them.
 """
 
 from collections.abc import Iterator
@@ -147,9 +147,9 @@ class NonsmoothTerms:
     def _add_rows(self) -> None:
         """Add all rows to the layout, and their gaps.
 
-        Their order is a contract with `NonsmoothRows`, `parameter_values` and `c/nonsmooth.h`.
-        Rows of impulses: contacts (three each), ropes, cables, stops, dry joints,
-        dry lines. Rows that are taken at the end of a step: joints, lines that also push, motors.
+        Their order is a contract with `NonsmoothRows`, `parameter_values` and
+        `c/nonsmooth_step.h`. Rows of impulses: contacts (three each), ropes, cables, stops, dry
+        joints, dry lines. Implicit rows: joints, lines that also push, motors.
         """
         self._add_contacts()
         self._add_ropes()
