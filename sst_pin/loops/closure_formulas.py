@@ -42,7 +42,7 @@ from .vectors import (
     unit_rate,
 )
 
-#: A closure of two frames.
+#: A closure of two frames. An `ExtendedDistance` is a `Distance` too.
 FrameClosure = Closure | Distance | Rolling | Brake
 
 #: The matrices G_c = hat(e_c) of the unit twists e_c, shape (6, 4, 4).
@@ -112,8 +112,10 @@ class SamePlacement:
     Elsewhere the rate of the logarithm differs from the angular velocity, and W gives a good
     direction for Newton's method.
 
-    These errors do not turn with A. So Newton's method closes open loops on the same way as
-    kernels do, which have the rows in the axes of another body.
+    Kernels have the first three rows in the axes of the last body that carries A and B. The rates
+    in Phi do not turn this body, so that Newton's step, Phi dq = -f, is the same in its axes and in
+    those of the world. In the axes of A it would be another one while the loop is open: the rate of
+    f there has the further term -omega_A x f.
     """
 
     def __init__(self, origin: bool, orientation: bool) -> None:
@@ -204,19 +206,22 @@ class RelativeFormulas(ABC):
 class HeldMotions(RelativeFormulas):
     """A massless joint holds some of the motions x, y, z, turn x, turn y, turn z of B in A.
 
-    At most two turns are held; `SamePlacement` holds three. The error of each row is an entry of X,
-    with a sign:
+    At most two turns are held; `SamePlacement` holds three. The error of each row is an entry of
+    X = [R p; 0 1], with a sign:
 
     - A slide along i is held: f = p_i, entry (i, 3) of X.
     - One turn i is held: with the next two axes x = i + 1 and y = i + 2 (cyclic), axis x of A stays
       at a right angle to axis y of B: f = -R_xy.
     - Two turns i are held: B may turn about the third axis y, which stays parallel to y of A. So
-      both other axes x of A stay at right angles to axis y of B: f = -R_xy or R_xy, such that the
-      row is the turn about the positive axis i.
+      both other axes x of A stay at right angles to axis y of B: f = -R_xy or R_xy.
+
+    The sign is such that f has the rate omega_i where B has the axes of A. With the angular
+    velocity omega of B, the entry R_xy = e_x . y_B has the rate e_x . (omega x y_B), which is
+    omega . (e_y x e_x) where y_B = e_y. This is -omega_i if e_x x e_y = e_i, else omega_i.
 
     The wrench of a row has a component for each unit twist e_c. It is the rate of f for this twist.
-    As X has the rate hat(e_c) X = G_c X, the rate of entry (i, j) is row i of G_c times column j of
-    X.
+    As X has the rate hat(e_c) X = G_c X, the rate of entry (r, s) of X is row r of G_c times column
+    s of X.
     """
 
     def __init__(self, slides: Sequence[int], turns: Sequence[int]) -> None:
@@ -240,13 +245,13 @@ class HeldMotions(RelativeFormulas):
             X_rows.append(x)
             X_columns.append(y)
             is_cyclic = x == (i + 1) % 3  # then e_x x e_y is e_i, else it is -e_i
-            signs.append(-1.0 if is_cyclic else 1.0)
+            signs.append(-1.0 if is_cyclic else 1.0)  # see the text of the class
         self._X_rows = np.array(X_rows)
         self._X_columns = np.array(X_columns)
         self._signs = np.array(signs)
         self.rows = len(signs)
         G_rows = _GENERATORS[:, self._X_rows].swapaxes(0, 1)
-        #: For each row of the closure row i of all G_c, times the sign, shape (rows, 6, 4).
+        #: For a row with the entry (r, s) of X: row r of each G_c, times the sign; (rows, 6, 4).
         self._G = self._signs[:, None, None] * G_rows
 
     def f(self, X: Array) -> Array:
@@ -267,10 +272,12 @@ class HeldMotions(RelativeFormulas):
 def _beyond_right_angle(f: Array) -> Array:
     """f of two held turns, shape (2,), where y of B is tilted by more than 90 degrees from y of A.
 
-    At a tilt t the size of f is sin t, and its derivative cos t is negative beyond 90 degrees.
-    f - 2 f / |f| has the same derivative and the opposite sign, so that Newton's method reduces
-    the tilt there too. Its size is 2 - sin t, which is continuous at 90 degrees and grows to two at
-    180 degrees.
+    At a tilt t, f is sin t u with a unit vector u, and its derivative by t is cos t u. Beyond 90
+    degrees cos t is negative, so that Newton's method would increase the tilt. The result is
+    f - 2 u = -(2 - sin t) u. Its derivative by t is the same, but its sign is opposite: Newton's
+    method reduces the tilt. Its size 2 - sin t is continuous at 90 degrees and grows to two at 180
+    degrees. Its derivative where u turns is another one than that of f; this does no harm, because
+    the step goes along u.
     """
     size = np.linalg.norm(f)
     direction = f / size if size else np.array([1.0, 0.0])
