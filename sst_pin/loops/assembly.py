@@ -27,32 +27,39 @@ from .joint_limits import JointLimits
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-# Two bounds of errors: a configuration is assembled if the error of each row is below `_ASSEMBLED`,
-# or below the rounding of the row. Newton's method goes on below that, while it improves, until the
-# error of each group is below `_POLISHED`, or below the rounding of the frames' coordinates.
-#: Largest error of a row in an assembled configuration: far below `CLOSURE_TOLERANCE`, so that it
-#: counts as closed, and far above the rounding of long chains.
+# `_ASSEMBLED` says whether Newton's method has succeeded, `_POLISHED` when it may stop: it makes
+# closed loops better while their error still falls. Where rounding is larger than one of these, it
+# takes its place.
+#: Rows with a larger error are open. It is far below `CLOSURE_TOLERANCE`, so that an assembled
+#: configuration counts as closed, and far above the rounding of long chains.
 _ASSEMBLED = 1e-11
-#: Newton's method ends at this error of a group.
+#: Newton's method ends at this error of a group, some roundings of numbers of size one.
 _POLISHED = 1e-4 * _ASSEMBLED
-#: Most steps of Newton's method.
+#: Most steps of Newton's method: steps of `_STRIDE` lead through eight turns of a joint.
 _STEPS = 100
-#: A group does not close if its error falls by less than a tenth in this number of steps.
+#: A group does not close if its error falls by less than a tenth in this number of steps. Even
+#: towards a singular configuration the error falls to a quarter in one step: there it grows with
+#: the square of the distance, and Newton's method halves the distance.
 _PATIENCE = 10
 #: Longest step, [rad] or lengths of the loop: closures are far from linear beyond it. Joints that
 #: only linear couplings hold, such as motors behind gears, have no limit.
 _STRIDE = 0.5
-#: A step is rejected if the error does not fall after this number of halvings.
+#: A step is rejected if the error does not fall after this number of halvings. 1e-6 of the step is
+#: then left, along which f is linear: the error would fall if it could.
 _HALVINGS = 20
 #: Relative rounding of a number.
 _ROUNDING = float(np.finfo(float).eps)
-#: Singular values below this part of the largest count as zero; see `_shortest`.
+#: Singular values below this part of the largest count as zero; see `_shortest`. Those of redundant
+#: rows are of the size of the loops' errors; this is ten times `_ASSEMBLED`.
 _NO_RANK = 1e-10
-#: Loops that stay open by less are tried again with the tolerance of rounded placements.
+#: Loops that stay open by less are tried again with the tolerance of rounded placements. The errors
+#: of the placements of a loop add up, so that it is some times one of them.
 _NEARLY = 10 * ROUNDED_PLACEMENTS
-#: Largest width of the random starts of `Assembly.try_starts`, [rad] or lengths of the loop.
+#: Largest standard deviation of the random starts of `Assembly.try_starts`, [rad] or lengths of the
+#: loop: angles are then spread over the whole turn.
 _AROUND = 2.0
-#: Largest motion of a joint in `Assembly.aside`, [rad] or lengths of the loop.
+#: Largest motion of a joint in `Assembly.aside`, [rad] or lengths of the loop. It is shorter than
+#: `_STRIDE`, so that Newton's method closes the loops.
 _ASIDE = 0.2
 
 
@@ -109,7 +116,10 @@ class Assembly:
         return q
 
     def closed(self, q: Array) -> Array:
-        """The closed configuration near q with the coordinates fixed, as `holding_brakes`."""
+        """The closed configuration near q with the coordinates fixed.
+
+        Brakes hold their joints if the loops close so.
+        """
         return self.holding_brakes(self.mechanism.dependent, lambda free: self.assemble(q, free))
 
     def holding_brakes(self, free: Indices, close: Callable[[Indices], Array]) -> Array:
@@ -139,9 +149,9 @@ class Assembly:
             start = q
             if k > 0:
                 # The starts lie farther and farther from q.
-                width = _AROUND * k / (tries - 1)
+                deviation = _AROUND * k / (tries - 1)
                 displacement = np.zeros(model.nv)
-                displacement[free] = width * random.normal(size=len(free))
+                displacement[free] = deviation * random.normal(size=len(free))
                 start = pin.integrate(model, q, displacement * self.mechanism.rate_scale)
             try:
                 return self.assemble(start, free, limits=limits)
@@ -211,7 +221,8 @@ class Assembly:
     ) -> Array:
         """Newton's step of the rates of a group, shape (its rates,), shortened to what is allowed.
 
-        Its length is at most `_STRIDE`, and it does not lead beyond limits.
+        Its length is at most `_STRIDE`, and it does not lead beyond limits: joints at a limit do
+        not step beyond it, and the whole step ends where another joint reaches its limit.
         """
         rates = group.rates
         Phi_of_group = Phi[group.rows][:, rates]
@@ -231,16 +242,16 @@ class Assembly:
     ) -> tuple[Array, Array, list[_Group]]:
         """The configuration after a step, its errors, and the groups that have moved.
 
-        The step of each group is halved until the group's error falls. It becomes zero if the error
-        does not fall, or if the error f before the step is rounding already, which no step can
-        lower.
+        The step of each group is halved until the group's error falls. It becomes zero, so that the
+        group does not move, if the error does not fall, or if the group was closed before the step:
+        then its error is mostly rounding, which no step can lower.
         """
         model = self.mechanism.model
         scale = self.mechanism.rate_scale
         step = step.copy()
+        # Groups share no free joint, so that a group whose error has fallen keeps it. The steps of
+        # all other groups were halved in each pass: one count is enough.
         halvings = 0
-        # Each pass halves the steps of some groups or ends them, so that the loop ends. Groups
-        # share no free joint, so that they do not disturb each other.
         while True:
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._error(trial)
@@ -248,10 +259,10 @@ class Assembly:
             worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
                 return trial, f_trial, moving
-            rounding = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
+            largest_closed = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
-                is_rounding = (np.abs(f[group.rows]) < rounding[group.rows]).all()
-                if is_rounding or halvings == _HALVINGS:
+                was_closed = (np.abs(f[group.rows]) < largest_closed[group.rows]).all()
+                if was_closed or halvings == _HALVINGS:
                     step[group.rates] = 0.0
                 else:
                     step[group.rates] /= 2
@@ -284,7 +295,7 @@ class Assembly:
         entries, rates = self.mechanism.space.plain
         turns = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
         distances = self.loops.largest_coordinates * self.mechanism.row_scale
-        return 4 * _ROUNDING * (turns + distances)
+        return 4 * _ROUNDING * (turns + distances)  # f is the sum of several rounded terms
 
     def _not_closed(self, q: Array, open_rows: Indices, limits: JointLimits | None) -> ClosureError:
         """The error for loops that stay open at q."""
@@ -383,10 +394,10 @@ def _shortest(A: Array, right: Array, tolerance: float) -> Array:
 def _within_limits(
     q: Array, rates: Indices, Phi: Array, right: Array, tolerance: float, limits: JointLimits
 ) -> Array:
-    """Newton's step of some rates; those that lead beyond a limit stay at rest.
+    """Newton's step of some rates; joints at a limit stay at rest if they would step beyond it.
 
-    Without them the others take another step, which may lead to another limit. Phi has the columns
-    of these rates.
+    Without them the others take another step, which may push other joints at a limit beyond it.
+    Phi has the columns of these rates.
     """
     moving = np.ones(len(rates), dtype=bool)
     while True:
