@@ -31,7 +31,7 @@ from .state_equations import MotionState, Samples, StateEquations
 from .step_control import StepControl
 
 #: The first repeat of an irregular step ends before its irregular part by this fraction of the
-#: length of its regular part.
+#: length of its regular part. `Continuity.follow` knows the regular part to 1e-12 of the step.
 _MARGIN_OF_REPEAT = 1e-10
 
 
@@ -41,8 +41,8 @@ class _Target(NamedTuple):
     Attributes:
         time: Time, [s].
         torques_change: Whether sampled torques change there.
-        repeats: 0, or the number of irregular steps because of which the time was set to an earlier
-            one, just before the irregular part of the last of them.
+        repeats: How often the time was set back: by each irregular step before the target is
+            reached, to just before its irregular part.
     """
 
     time: float
@@ -145,11 +145,15 @@ class Integration:
 
     def _equations_at(self, state: MotionState) -> StateEquations:
         """The equations in the coordinates of a state."""
+        # Near a singular configuration they close the loops of each state first, because small
+        # errors of q change the accelerations too much there.
         near_singularity = self._crossing.approach is not None
         return self._equations.in_coordinates_of(state.space, close_first=near_singularity)
 
     def _call_controller(self, state: MotionState) -> float:
-        """Call a sampled controller if it is due.
+        """Call a sampled controller if it is due, and change the torques if they are.
+
+        It is due once in each of its periods, so that a second call at the same time does nothing.
 
         Returns:
             The time until which torques are smooth, [s]; infinite without a sampled controller.
@@ -157,7 +161,8 @@ class Integration:
         sampling = self._equations.torque.sampling
         if sampling is None:
             return np.inf
-        sampling.go_on(state.t, partial(self._equations_at(state).robot_state, state.y))
+        robot_state = partial(self._equations_at(state).robot_state, state.y)
+        sampling.go_on(state.t, robot_state)
         return sampling.next_change(self._times)
 
     def _advance(self, state: MotionState) -> MotionState:
@@ -182,7 +187,7 @@ class Integration:
     ) -> _Continuation:
         """Make steps with one integrator until a target, or until a step cannot be kept."""
         solver = self._steps.solver(equations, state, target.time)
-        while solver.status == "running":
+        while solver.status == "running":  # until the target; `step` raises an error if one fails
             step = self._steps.step(solver, equations)
             if self._steps.shorten_if_input_missed(step):
                 return _Continuation(state, target)
@@ -208,12 +213,14 @@ class Integration:
     def _before_irregular(
         self, state: MotionState, step: IntegratorStep, part: RegularPart, target: _Target
     ) -> _Continuation:
-        """How a motion goes on after an irregular step.
+        """How a motion goes on after an irregular step; the next step is shorter in any case.
 
-        If a singular configuration is ahead that can be stepped over, the motion goes back and
-        approaches it. Otherwise it is integrated again until just before the irregular part of the
-        step, because a part of a step is less exact than a step. There the motion changes its
-        coordinates or ends.
+        - If a singular configuration is ahead that can be stepped over, the motion goes back and
+          approaches it.
+        - Otherwise it is integrated again until just before the irregular part of the step, because
+          a part of a step is less exact than a step. `_make_steps` then changes the coordinates
+          there, or ends the motion.
+        - If no part of the step is regular, this is done at once.
 
         Args:
             state: The state from which the step was made.
@@ -221,15 +228,18 @@ class Integration:
             part: The regular part of the step; the whole step if the output has refused it.
             target: The target of the step.
         """
-        regular_until = step.start + part.fraction * step.length
-        earlier = self._crossing.begin_approach(state, regular_until, part.q)
-        fraction = part.fraction
-        if fraction == 1:  # it is not known where in the step the loops cannot be closed
-            fraction = 0.5
+        # If the output has refused the step, it is not known where the loops cannot be closed: half
+        # of the step is taken for regular.
+        fraction = 0.5 if part.fraction == 1 else part.fraction
         self._steps.shorten(fraction)
+
+        part_end = step.start + part.fraction * step.length  # where the robot has `part.q`
+        earlier = self._crossing.begin_approach(state, part_end, part.q)
         if earlier is not None:
+            # The condition number grows on the way to the singular configuration.
             self._coordinate_change.allow_nearer()
             return _Continuation(earlier, None)
+
         margin = _margin_of_repeat(target.repeats)
         time = step.start + fraction * step.length * (1 - margin)
         if time <= state.t:
@@ -275,13 +285,14 @@ class Integration:
 
     def _cross(self, state: MotionState) -> MotionState:
         """The state behind the singular configuration; the same state if no step leads there."""
-        self._coordinate_change.restore()
+        self._coordinate_change.restore()  # the limit that `allow_nearer` has raised
         equations = self._equations_at(state)
         crossed = self._crossing.cross(equations, state)
         if crossed is None:
             return state
         behind, branch = crossed
         self._output.add_branch(equations, branch, behind.t)
+        # The condition number is large here too. The limit stays above it.
         return self._coordinate_change.settle_behind(behind)
 
 
