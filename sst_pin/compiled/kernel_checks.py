@@ -13,21 +13,22 @@ configurations. It is not valid everywhere, so it returns checks of
 A check has no branches, because kernels compute several samples side by side. Where a division is
 slow or may be by zero, "a^2 <= b^2" is checked as a^2 - b^2 <= 0 up to rounding.
 
-**Residuals.** Rounding alone gives a residual r = A x - b of some eps |A| |x|; the bound is
-`_ROUNDINGS` times that. Elimination leaves more only where a small pivot makes entries grow.
-Computing all of r costs as much as a product with A, for each solution. Instead one number is
-computed,
+**Residuals.** A computed solution x of A x = b leaves the residual r = A x - b. Rounding alone
+makes |r| as large as some eps |A| |x|, with the rounding eps of a number; the bound is `_ROUNDINGS`
+times eps |A| |x|. Elimination leaves more only where a small pivot makes entries grow. Computing r
+would cost a product with A for each solution. Instead a kernel computes one number,
 
     s . r = (s^T A) x - s . b,
 
-with a fixed probe vector s of random signs; s^T A is computed once for all solutions.
+with a fixed probe vector s of random signs; it computes s^T A once for all solutions.
 
-One number is enough. For random signs the mean of (s . r)^2 is |r|^2. The errors in r come from
-different roundings, so that s . r is close to a normal variable of that size: it is below |r| / k
-with a probability of about 0.8 / k. A residual of 100 times the bound passes in less than one of
-100 samples, and it would do harm to the twelfth digit only: 100 * 30 eps is 1e-12. Larger ones pass
-as much less often as they are larger. The signs are the same in all runs, so that a sample has the
-same verdict each time.
+One number is enough. The entries of r come from different roundings. With random signs, s . r is
+close to a normal variable with mean zero and standard deviation |r|. If |r| is k times the bound,
+|s . r| is below the bound with a probability of about 0.8 / k: the density of a normal variable at
+zero, 0.4 / |r|, times the width 2 |r| / k. So less than one of 100 samples with k = 100 pass, and
+their error is 100 * 30 eps, in the twelfth digit only. Larger errors pass as much less often as
+they are larger. The signs are the same in all runs, so that a sample has the same verdict each
+time.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -56,12 +57,14 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Rounding of double precision, for which the thresholds are chosen.
 _DOUBLE = float(np.finfo(float).eps)
-#: Largest residual of a solution, in roundings of the matrix times the solution.
+#: Largest residual of a solution, in roundings of the matrix times the solution: elimination
+#: without growth leaves at most some for each unknown of a loop.
 _ROUNDINGS = 30
 #: The largest part of a force that may be missing is UNSUPPLIED, or this many roundings if that is
-#: more, as in single precision.
+#: more, as in single precision: the linear solutions may lose four digits.
 _MISSING = 1e4
-#: Rounding of the sum of all forces in double precision, relative.
+#: Rounding of the sum of all forces in double precision, relative: some tens of roundings, as the
+#: sum has some tens of terms.
 _BALANCED = 1e-14
 #: Solutions up to this count as zero, [rad/s], [N m] and the like: those of a robot at rest are
 #: rounding, and have no size with which a residual could be compared.
@@ -131,7 +134,7 @@ class Checks:
         """The sum of squares of the scaled residuals, relative to the bound.
 
         If it is at most 1, each residual is at most the bound. The largest residual would need a
-        branch for each.
+        branch for each. The `squared_gap` of a row is its term of the sum; rows may share one.
         """
         e = self._equations
         squares = [s**2 * x.squared_gap for s, x in zip(self._row_scale, e.rows, strict=True)]
@@ -144,7 +147,10 @@ class Checks:
 
     @property
     def small_pivots(self) -> Any:
-        """More than 1 where a pivot is much smaller than at the sample configurations."""
+        """More than 1 where a pivot of Phi_u is much smaller than at the sample configurations.
+
+        It is the sum of (size / (1000 pivot))^2 over all pivots, with their sizes in the samples.
+        """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         return total(part.small(sizes) for part, sizes in parts)
@@ -166,7 +172,8 @@ class Checks:
         """Rows that solutions do not fulfil by themselves.
 
         Elimination chooses as many rows as there are dependent rates, and solves these; it leaves
-        out the others. An `Orthogonal` part fits all of its rows by least squares.
+        out the others. The parts that it solves are `Factors`. Other parts are `Orthogonal`: they
+        fit all of their rows by least squares (Gram-Schmidt), so that no row is chosen.
         """
         e = self._equations
         solved = set[int]()
@@ -194,6 +201,7 @@ class Checks:
         squares = []
         for i in self._redundant:
             for L, unit in zip(e.L, units, strict=True):
+                # Row i of Phi times a column of L.
                 violation = total(x * L[j] for j, x in e.rows[i].Phi.items() if j in L)
                 squares.append((self._row_scale[i] * unit * violation) ** 2)
         return [total(squares) / self._largest_violation**2]
@@ -204,10 +212,14 @@ class Checks:
         This happens where rates fit all rows, but accelerations do not: in the pose in which an
         overconstrained frame can only shake.
 
-        As in `JointComplement.require_accelerations`, the violation r is compared with |v|^2 + |x|,
-        free of units: Phi_dot v grows with the square of v. Kernels compare squares,
-        |r|^2 <= bound^2 (|v|^4 + |x|^2), because roots and divisions are slow, and v and x may be
-        zero. This is the same bound up to a factor of sqrt(2).
+        r = Phi x + Phi_dot v is the violation, free of units. Phi_dot v grows with the square of v,
+        so that `JointComplement.require_accelerations` compares r with |v|^2 + |x|. Kernels compare
+        squares, |r|^2 <= bound^2 (|v|^4 + |x|^2), because roots are slow; this is the same bound up
+        to a factor of sqrt(2). They subtract, because v and x may be zero: the check is
+
+            (|r|^2 / bound^2 - |v|^4 - |x|^2) / negligible^2 <= 1,
+
+        which also holds where r, v and x are zero up to rounding.
         """
         e = self._equations
         if not self._redundant:
@@ -217,13 +229,14 @@ class Checks:
         violations = []
         for i in self._redundant:
             row = e.rows[i]
-            of_x = total(entry * x[j] for j, entry in row.Phi.items() if j in x)
-            violations.append(self._row_scale[i] * (row.acceleration(e.v, no_accelerations) + of_x))
+            Phi_x = total(entry * x[j] for j, entry in row.Phi.items() if j in x)
+            Phi_dot_v = row.acceleration(e.v, no_accelerations)
+            violations.append(self._row_scale[i] * (Phi_dot_v + Phi_x))
         r_squared = total(violation**2 for violation in violations)
         v_squared = total((rate / float(scale[j])) ** 2 for j, rate in e.v.items())
         x_squared = total((rate / float(scale[j])) ** 2 for j, rate in x.items())
         excess = r_squared / self._largest_violation**2 - v_squared**2 - x_squared
-        return [excess / _NEGLIGIBLE**2]  # at most 1 also where r, v and x are zero up to rounding
+        return [excess / _NEGLIGIBLE**2]
 
     # --- residuals of linear solutions --------------------------------------------------------
 
@@ -250,7 +263,7 @@ class Checks:
     def _rows_probe(self) -> _Probe:
         """The probe of Phi x = b, on the rows that elimination changes."""
         e = self._equations
-        rows, _ = e.factors.changed
+        rows, _ = e.factors.changed  # by elimination
         unit, s = _random_signs(rows, self._row_scale)
         s_Phi: Sparse = {}
         for i, sign in s.items():
@@ -261,7 +274,7 @@ class Checks:
     def _columns_probe(self) -> _Probe:
         """The probe of Phi_u^T x = b, on the columns of Phi_u that elimination changes."""
         e = self._equations
-        _, columns = e.factors.changed
+        _, columns = e.factors.changed  # by elimination
         unit, s = _random_signs(columns, self._rate_scale)
         Phi_s: Sparse = {}
         for i in e.factors.rows:
@@ -275,8 +288,8 @@ class Checks:
     ) -> list[Any]:
         """More than 1 where the residual r of A x = b is too large.
 
-        The bound is |s . r| <= 30 eps |A| |x|, or negligible. It is compared in squares, without a
-        division by |x|, which may be zero:
+        It should be |s . r| <= 30 eps |A| |x|. As |x| may be zero, squares are subtracted instead
+        of divided, and x may be negligible:
 
             ((s . r)^2 / (30 eps |A|)^2 - |x|^2) / negligible^2 <= 1.
 
@@ -291,7 +304,8 @@ class Checks:
         if not terms:
             return []
         s_r = total(terms)
-        # |A| is that of Phi_u, free of units. As s is divided by the probe's unit, so is the bound.
+        # For |A|, `pivots.norm` is the largest norm of Phi_u in the samples, free of units. As s is
+        # divided by the probe's unit, so is the bound.
         bound = _ROUNDINGS * self._rounding * self._equations.pivots.norm / probe.unit
         excess = (s_r / bound) ** 2 - total(size**2 for size in sizes)
         return [excess / _NEGLIGIBLE**2]
@@ -305,7 +319,8 @@ class Checks:
 
     def of_joint_accelerations(self, x: Sparse) -> list[Any]:
         """Checks that accelerations x solve Phi x = -Phi_dot v, Eq. (8), in redundant rows too."""
-        return self.unsolved(x, self._equations.drift) + self.redundant_in_accelerations(x)
+        right = self._equations.drift  # -Phi_dot v
+        return self.unsolved(x, right) + self.redundant_in_accelerations(x)
 
     @property
     def of_complement(self) -> list[Any]:
@@ -339,7 +354,10 @@ class Checks:
 
     @property
     def of_motors(self) -> list[Any]:
-        """A check that the motors hold all coordinates; none where each holds its own."""
+        """A check that the motors hold all coordinates; none where each holds its own.
+
+        Where they do not, the rows of the motor matrix L^T B become dependent, and a pivot small.
+        """
         e = self._equations
         if e.mechanism.driven_one_to_one:
             return []
@@ -367,24 +385,27 @@ class Checks:
     def massless(self) -> list[Any]:
         """More than 1 where a pivot of the mass matrix A = L^T M L is negative or too small.
 
-        The pivot of coordinate k must be larger than
+        All must be positive, and the pivot of coordinate k must be larger than
 
             rounding A_kk + WITHOUT_MASS I |L e_k|^2.
 
         The second term is a part of the inertia I of the whole robot: it moves as the joints do for
-        a unit rate of the coordinate. The sum over all pivots is stricter than each by itself.
+        a unit rate of the coordinate. The factors have the inverses of the pivots: for a positive
+        pivot, the bound holds if the bound times the inverse is at most 1. The sum of these
+        products over all pivots is stricter than each by itself. For a negative pivot the product
+        is negative too, so that a check of its own refuses it.
         """
         e = self._equations
         factors = e.inertia_factors
         scale = self._rate_scale
         least_inertia = WITHOUT_MASS * e.tree.whole_inertia
-        small = []
+        products = []
         for inverse, entry, L in zip(factors.inverses, factors.diagonal, e.L, strict=True):
             L_squared = total((x / float(scale[j])) ** 2 for j, x in L.items())
             least_pivot = self._coarseness * ROUNDING * entry + least_inertia * L_squared
-            small.append(inverse * least_pivot)
+            products.append(inverse * least_pivot)
         negative = total(ca.fabs(x) - x for x in factors.inverses)  # zero if all are positive
-        return [1e30 * negative, total(small)]  # any negative pivot fails
+        return [1e30 * negative, total(products)]  # 1e30: any negative pivot is refused
 
 
 def _random_signs(indices: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:
