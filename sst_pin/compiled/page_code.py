@@ -134,7 +134,8 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
         for _ in range(_STEPS):
             motions = free_motions(space.Phi(q))
             fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
-            fall = fall / (np.linalg.norm(fall) + 1e-9)
+            if fall.any():
+                fall = fall / np.linalg.norm(fall)
             direction = direction / np.linalg.norm(direction)
             direction = direction + _RANDOM * random.standard_normal(model.nv)
             # The part that keeps the loops closed.
