@@ -152,7 +152,8 @@ def calibrate(
         urdf: The URDF that `write_urdf` of the result takes: by default only errors that it, or the
             YAML beside it, can store are considered.
         start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
-            which the others are followed; or in each pose, shape (N, nq).
+            which the others are followed; or in each pose, shape (N, nq). A robot with brakes needs
+            it: it has the positions at which they hold.
 
     Raises:
         InputError: For fewer equations than errors that they could show, errors of `which` that
@@ -277,6 +278,10 @@ def _calibrated(
 def _configurations(chain: ClosedChain, x: Array, start: ArrayLike | None) -> Array:
     """Configurations of the robot as drawn for positions x of the coordinates, shape (N, nq)."""
     guesses = None if start is None else finite_array("start", start, ())
+    brakes = [brake.name for brake in chain.mechanism.brakes]
+    if guesses is None and brakes:
+        problem = f"needed, with the positions at which brakes hold {listed(brakes)}: x lacks them"
+        raise InputError("start", problem)
     size = len(chain.position_names)
     if guesses is not None and guesses.shape not in ((size,), (len(x), size)):
         raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")

@@ -204,3 +204,19 @@ def test_exact_orientations_beside_noisy_positions_do_not_spoil_the_errors():
     result = calibrate(drawn, "platform", x, poses)
     assert (np.abs(result.values) < 4 * result.deviations).all()
     assert result.noise[0] == pytest.approx(1e-5, rel=0.2)
+
+
+def test_where_brakes_hold_is_no_matter_of_the_home():
+    """Away from home, x does not say where a motor with a brake stands; the start does."""
+    drawn, _, errors, x = deltas()
+    x = x[:8].copy()
+    x[:, 0] = x[0, 0]
+    rods = {name: value for name, value in errors.items() if name.startswith("rod")}
+    poses = poses_of(drawn.with_design(rods), x, "platform")
+    braked = drawn.with_brakes(["motor_1"])
+    with pytest.raises(sst_pin.InputError, match=r"^start: .* brakes hold motor_1"):
+        calibrate(braked, "platform", x[:, 1:], poses, which=["rod_*.x"])
+    start = configurations_of(drawn, x[:1])[0]
+    result = calibrate(braked, "platform", x[:, 1:], poses, which=["rod_*.x"], start=start)
+    # 1e-11 as without brakes, but the start closes its loops to 1e-10 only
+    assert_allclose(result.values, [rods[name] for name in result.names], atol=1e-9)
