@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as numbers
+from numpy.lib.stride_tricks import as_strided
 
 import sst_pin
 from sst_pin import arrays
@@ -64,7 +65,7 @@ def test_the_border_returns_the_numbers_of_the_caller_or_refuses_them(value):
     [
         *(np.empty((2, 3), kind) for kind in (np.float32, int, complex, object, ">f8")),
         *(False, [0.0] * 3, "out", np.empty((7, 3)), np.empty((2, 3, 1)), np.ma.zeros((2, 3))),
-        *(np.ndarray, np.broadcast_to(1.0, (2, 3))),
+        *(np.ndarray, np.broadcast_to(1.0, (2, 3)), as_strided(np.empty(2), (2, 3), (8, 0))),
     ],
 )
 def test_results_go_to_a_float64_array_of_their_shape_that_can_be_written(robot, out):
@@ -80,8 +81,9 @@ def test_bad_options_are_refused_on_every_call(fast):
     if fast:
         chain.compile()
     q, rates = np.tile(chain.home, (3, 1)), np.zeros((3, 1))
+    one = as_strided(np.empty(1), (3, 1), (0, 8))  # one number for all samples
     for _ in range(2):
-        for name, value in (("out", False), ("threads", 0), ("on_error", True)):
+        for name, value in (("out", False), ("out", one), ("threads", 0), ("on_error", True)):
             for method in (chain.compute_torques, chain.compute_accelerations):
                 with pytest.raises(sst_pin.InputError, match=f"^{name}: "):
                     method(q, rates, rates, **{name: value})

@@ -268,6 +268,8 @@ cdef class Kernel:
         ):
             return None
         output = rows_of(<cnp.ndarray>out)
+        if (count > 1 and not output.row) or (self.output > 1 and not output.column):
+            return None  # its samples, or entries, are one in memory
         for i in range(self.arrays):
             size = 3 if moment and i == 3 else self.sizes[i]
             if overlap(&inputs[i], size, &output, self.output, count):
