@@ -84,6 +84,11 @@ class Parser(argparse.ArgumentParser):
             parser.set_defaults(command=command)
             parser.add(command.options)
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print a text; argparse ignores errors of writing, such as that of a closed output."""
+        if message:
+            (file or sys.stderr).write(message)
+
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
         self.exit(2, f"{self.prog}: error: {message}{hint_for_robot(self._words)}\n")

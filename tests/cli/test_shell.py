@@ -148,6 +148,8 @@ def test_a_set_of_files_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
         f"torques {SAMPLE} -o - >&-",
         "torques - -o torques.csv <&-",
         "robots >&-",
+        "--help >&-",
+        "robots --help >&-",
         "compile --list >&-",
         "validate four_bar >&-",
     ],
