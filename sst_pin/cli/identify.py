@@ -139,7 +139,10 @@ def _advice(robot: ClosedChain, estimate: identification.Estimate) -> str:
     names = np.array(robot.dynamic_parameters.names)
     supported = names[estimate.base.columns[estimate.supported]]
     if not len(supported):
-        return "no combination is supported: a faster or longer motion is needed"
+        return (
+            "no combination is supported: a faster or longer motion is needed, or fewer parameters "
+            "by --which"
+        )
     return (
         "values that are not supported stay unknown; this considers only the supported ones: "
         f"--which {','.join(supported)}"

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """From the log of a motion to the dynamic parameters."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,17 @@ def test_it_says_which_parameters_are_supported_and_takes_known_masses(log, caps
     code, _, error = run(capsys, *call, "--masses", "elbow=0.3")
     assert code == 2
     assert "elbow_1.mass" in error
+
+
+def test_where_no_combination_is_supported_fewer_parameters_may_be(measured, log, capsys):
+    noisy = measured.copy()
+    noisy[:, 3:] += np.random.default_rng(1).normal(scale=100, size=(len(noisy), 2))
+    head = log.read_text().splitlines()[0]
+    np.savetxt(log, noisy, "%.9g", ",", header=head, comments="")
+    call = "identify", log, "-o", "-", "--robot", "five_bar", "--cutoff", 10
+    code, _, error = run(capsys, *call, "--which", "*.viscous")
+    assert code == 0, error
+    assert re.search("no combination is supported.* or fewer parameters by --which", error)
 
 
 @pytest.mark.slow
