@@ -305,14 +305,15 @@ class Engine:
     ) -> Array:
         """A quantity under loads; the reference path is `of_sample(q, *vectors, wrenches)`.
 
-        `kernel_exists` is False if kernels do not take all arguments, and `ask_kernel` if the
-        caller has asked `Kernel.answer` already.
+        A quantity has two kernels: one without wrenches, which takes a moment on the platform, and
+        one with wrenches on all bodies (`loaded`). `kernel_exists` is False if they do not take all
+        arguments, and `ask_kernel` if the caller has asked `Kernel.answer` already.
         """
-        # Step 1. Of loads, `Kernel.answer` takes a moment on the platform only.
+        # Step 1. The kernel without wrenches; None if there are wrenches.
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
-        asked = not ask_kernel
+        asked = not ask_kernel  # whether a kernel had these arguments and gave no answer
         if kernel is not None and ask_kernel and on_error == "raise":
             asked, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
             if answer is not None:
@@ -322,7 +323,8 @@ class Engine:
         state = self.arguments.state(q, **vectors)
         axes = [1 for _ in state]
         axes.append(2)  # of the wrenches
-        # Steps 3 and 4. Wrenches have a kernel of their own for `Kernel.many`.
+        # Steps 3 and 4. `Kernel.many` takes no moment on the platform, but wrenches in the kernel
+        # for them.
         if kernel_exists and wrenches is not None:
             kernel = self.kernel(key._replace(loaded=True))
         return self._each_sample(
@@ -368,8 +370,9 @@ class Engine:
         single = all(
             array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
         )
-        # A single sample without an answer would fail the same checks in `Kernel.many`. It succeeds
-        # there only if the reason was that `out` overlaps an argument.
+        # Step 3 is skipped for a single sample that got no answer: it would fail the same checks in
+        # `Kernel.many`. But if `out` shares memory with an argument, `Kernel.answer` has refused it
+        # without a check, and `Kernel.many`, which gets an array of its own, may succeed.
         if single and asked and not _shares_memory(out, samples):
             kernel = None
         if single and kernel is None and out is None and on_error == "raise":
@@ -528,7 +531,8 @@ class Engine:
     ) -> Array:
         """Results of `of_sample(q, va, aa, tau, wrenches, compliances)`, shape (..., *shape).
 
-        One of aa and tau is None; it follows from the other.
+        One of aa and tau is None; it follows from the other. `of_sample` gets both, because where
+        motors work against each other, tau is not unique for aa.
         """
         if (aa is None) == (tau is None):
             raise InputError("aa, tau", "one of them is needed, not both")
@@ -540,7 +544,7 @@ class Engine:
             of_sample = partial(of_sample, compliances=compliances)
         vectors = {"va": va, "aa": aa}
         if self.mechanism.driven_one_to_one:
-            of_sample = _without_torques(of_sample)  # the torques follow from the accelerations
+            of_sample = _without_torques(of_sample)  # tau is unique for aa, and follows from it
         else:
             vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
         return self._under_loads(
@@ -586,8 +590,11 @@ class Engine:
     def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
         """D, shape (..., n, n), for coordinates whose axes turn with their bodies; see `linearize`.
 
-        A displacement x of the coordinates along a motion v has the rate x_dot = dva + D x. Column
-        k is -S [v, L e_k], where S selects the coordinates and [a, b] is the bracket of twists.
+        A displacement x of the coordinates along a motion v has the rate x_dot = dva + D x, where
+        dva are the rates of the displaced motion minus those of the motion. For the joints, with
+        the displacement d = L x, this difference is d_dot + [v, d]: two displacements of a body
+        about its own axes do not commute, and [a, b] is the bracket of twists. So column k of D is
+        -S [v, L e_k], where S selects the coordinates.
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
@@ -606,21 +613,26 @@ class Engine:
         sign_width: float = 1e-3,
         **options: Unpack[Options],
     ) -> D:
-        """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
+        """Derivatives of one kind, with the sign of Coulomb friction smoothed.
+
+        `vectors` are two: va, and aa or tau.
+        """
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
-        # `Kernel.derivatives` takes no loads and no options. It is `Kernel.answer` with a result of
-        # another kind, so that `_under_loads` asks the kernel only if this did not.
+        # Step 1. `Kernel.derivatives` is `Kernel.answer` with a result of another kind. It takes no
+        # loads and no options. If it has been asked, `_under_loads` does not ask again.
         kernel = None
         if external_wrenches is None and not options:
             kernel = self.kernel(key)
         if kernel is not None:
             second, third = vectors.values()
-            answer: D | None = kernel.derivatives(kind, q, second, third, 1)
+            one_thread = 1
+            answer: D | None = kernel.derivatives(kind, q, second, third, one_thread)
             if answer is not None:
                 return answer
+        # What wrenches at frames add, see `_slope_of_arms`. It is computed first, because `out` may
+        # share memory with the arguments.
         slope = inertia = None
         if isinstance(external_wrenches, Mapping):
-            # These come first: `out` may share memory with the arguments.
             policy = options.get("on_error", "raise")
             slope = self._slope_of_arms(external_wrenches, q, policy)
             if kind is AccelerationDerivatives:
@@ -650,17 +662,20 @@ class Engine:
     def _slope_of_arms(
         self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
     ) -> Array:
-        """Derivative of the generalized forces of wrenches at frames by q, shape (..., n, n).
+        """A part of the derivative by q of the generalized forces of wrenches, shape (..., n, n).
 
-        It is the part that comes from the arms, the vectors from mass centres to frames, which turn
-        with their bodies. Derivatives for constant wrenches at the mass centres do not have it.
+        `EngineArguments.wrenches` moves a wrench from its frame to the mass centre of the body: it
+        adds the moment arm x force, with the arm from the mass centre to the frame.
+        `_under_loads` differentiates for constant wrenches at the mass centres. But the arm turns
+        with the body, and so the moment changes: that is the part here.
         """
         slope = np.zeros((self._n, self._n))
         for name, value in wrenches.items():
             _, wrench = self.arguments.at_frame(name, value, on_error)
             arm = self.arguments.arms(name, q)
             J = self.frame_jacobian(q, name, on_error=on_error)[..., 3:, :]
-            # An arm r of a body with the angular velocity w turns with w x r.
+            # An arm r of a body with the angular velocity w has the rate w x r; for coordinate k, w
+            # is column k of J. The moment has the rate (w x r) x force.
             turned = np.cross(J.mT, arm[..., None, :])
             moments = np.cross(turned, wrench[..., None, :3])
             slope = slope + J.mT @ moments.mT
@@ -724,9 +739,12 @@ class Engine:
         J = self.actuator_jacobian(q, on_error=on_error)
         if self.mechanism.driven_one_to_one:
             return np.zeros((*J.shape[:-1], 0))
+        # The directions at a regular configuration, to which those of the first sample are made
+        # similar. There is none if the coordinates do not suit the assembly mode of the
+        # example; the first regular sample then takes its place.
         try:
             regular = self.actuator_jacobian(self.loops.example())
-        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
+        except (ClosureError, SingularConfigurationError):
             regular = None
         return preload_directions(self.mechanism, J, regular, on_error)
 
@@ -765,6 +783,8 @@ def _unpickled(
     mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
 ) -> Engine:
     """An engine with read-only arrays and a copied model: unpickled mimic joints would crash."""
+    # Unpickled arrays are writable. `replace` without changes makes the part again, with read-only
+    # arrays.
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
     if mechanism.weight_shares is not None:
         parts["weight_shares"] = replace(mechanism.weight_shares)
