@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tests whether a motion stays in its assembly mode, for each block of Phi.
 
-Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. If b
-is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes at the same
-coordinates, the mean of Phi over the line between them maps their difference to f(b) - f(a) = 0
-(the mean value theorem), so that it is singular. With (Phi_a + Phi_b) / 2 as the mean there is an x
-with Phi_a^+ (Phi_b - Phi_a) x = -2 x. Where |Phi_a^+ (Phi_b - Phi_a)| < 1, all matrices between
-Phi_a and Phi_b are regular. A step is continuous below 1/2, which leaves a margin; a longer one is
-divided. This measure does not depend on the units of rows. The determinant of all loops is no
-measure: it keeps its sign if two blocks become singular at once.
+Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. Their
+change is D = Phi_a^+ (Phi_b - Phi_a), which does not depend on the units of rows.
+
+- Where |D| < 1, all matrices between Phi_a and Phi_b, Phi_a + s (Phi_b - Phi_a) with 0 <= s <= 1,
+  have full rank: Phi_a^+ times them is I + s D.
+- Let a and b lie in different modes at the same coordinates, and x be the difference of their
+  dependent joints. By the mean value theorem, the mean of Phi over the line from a to b maps x to
+  f(b) - f(a) = 0. With (Phi_a + Phi_b) / 2 as the mean, Phi_b x = -Phi_a x, so that D x = -2 x and
+  |D| >= 2.
+
+A step with |D| <= 1/2 is continuous: 1/2 leaves a margin to both bounds, as (Phi_a + Phi_b) / 2 is
+the mean only nearly. A longer step is divided. The determinant of all loops is no measure: it keeps
+its sign if two blocks become singular at once.
 """
 
 from collections.abc import Callable
@@ -29,11 +34,13 @@ from .ranks import largest_condition, scaled_Phi
 #: an SSTError if there is none.
 Path = Callable[[Array, float, float], Array]
 
-#: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
+#: Largest |D| of two configurations that count as neighbours.
 CHANGE = 0.5
-#: Largest motion of a joint between them, [rad] or lengths of the loop.
+#: Largest motion of a joint between them, [rad] or lengths of the loop: after a whole turn of a
+#: joint D is zero again. Over half a radian Phi changes about linearly.
 TRAVEL = 0.5
-#: The most configurations between two samples of a motion: tens of turns of a joint.
+#: The most configurations between two samples of a motion. With steps of `TRAVEL` they make 160
+#: turns of a joint, with shorter ones tens of turns.
 LOOKS = 2000
 #: Parts of a step are not divided further, as a fraction of the step: configurations in a shorter
 #: part differ by less than the errors of assembled loops.
@@ -102,6 +109,7 @@ class Continuity:
         self._curved = np.flatnonzero(loops.curved)
         #: The diagonal blocks, those of one shape together.
         self._blocks = diagonal_blocks(mechanism, loops)
+        # The last sample of the motion is the sample of the anchor, or a neighbour of it.
         self._last: _Sample | None = None
         self._anchor: _Anchor | None = None
 
@@ -151,16 +159,20 @@ class Continuity:
         return done, q
 
     def _goes_on(self, before: Array, after: Array, limit: float) -> bool:
-        """Whether the configuration `after` is a regular neighbour of `before`; if so, go there.
+        """Whether the motion goes on from the configuration `before` to `after`.
 
-        Both lie within `CHANGE` of the anchor; so do all matrices between their Phi, which
-        therefore are regular too. If `after` is too far from the anchor, `before` becomes the
-        anchor.
+        It does if both are regular neighbours of one anchor: then all matrices between their Phi
+        are within `CHANGE` of that of the anchor, and regular too. If `after` is too far from the
+        present anchor, `before` becomes the anchor.
+
+        If the motion goes on, `after` becomes the last sample. If not, `before` stays the last
+        sample and is the anchor, so that the next, shorter try needs no other SVD.
         """
         sample = self._sample(after)
         last = self._last
         anchor = self._anchor
         if last is None or anchor is None or not np.array_equal(last.q, before):
+            # A motion begins at `before`.
             last = self._sample(before)
             anchor = _Anchor.at(last)
         continues = self._continues(anchor, sample, limit)
@@ -180,19 +192,18 @@ class Continuity:
         if not np.abs(step[self._curved]).max(initial=0.0) <= TRAVEL:  # NaN is refused too
             return False
         for inverse, a, b in zip(anchor.inverses, anchor.sample.blocks, sample.blocks, strict=True):
-            change = inverse @ (b - a)  # Phi_a^+ (Phi_b - Phi_a)
-            # The Frobenius norm of each block; it is not less than |change|.
-            if not np.einsum("bij,bij->b", change, change).max() <= CHANGE**2:
+            D = inverse @ (b - a)
+            # The Frobenius norm of each block; it is not less than |D|.
+            if not np.einsum("bij,bij->b", D, D).max() <= CHANGE**2:
                 return False
         return self._is_surely_regular(anchor, sample, limit) or self._condition(sample) < limit
 
     def _is_surely_regular(self, anchor: _Anchor, sample: _Sample, limit: float) -> bool:
         """Whether a bound shows, without an SVD, that the condition numbers are below the limit.
 
-        As |Phi_a^+ (Phi_b - Phi_a)| <= 1/2, the smallest singular value of Phi_b is at least half
-        of that of Phi_a. The largest one of Phi_b is at most its Frobenius norm.
-        `largest_condition` takes the largest one as the usual size of the block at least, because
-        a block may be small as a whole.
+        As |D| <= 1/2, the smallest singular value of Phi_b is at least half of that of Phi_a. The
+        largest one of Phi_b is at most its Frobenius norm. Blocks with one rate have one singular
+        value only: `Mechanism.usual_size` takes the place of the largest one if it is larger.
         """
         per_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
         for of_shape, blocks, smallest in per_shape:
