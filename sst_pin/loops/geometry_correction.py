@@ -42,8 +42,8 @@ from .guesses import displacement, home_of
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-#: Widths of random displacements from `pin.neutral` or home, until the loops close there, [rad] or
-#: lengths of the loop.
+#: Widths of random displacements until the loops close, [rad] or lengths of the loop. The first try
+#: starts from home or `pin.neutral`, each further one from the pose of the last.
 _STARTS = np.linspace(0.0, 2.0, 21)
 #: Widths of random displacements from the start to poses in which a corrected loop must close.
 _POSES = np.linspace(0.1, 1.0, 16)
@@ -107,8 +107,8 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         DescriptionWarning: If placements were displaced, because they are rounded.
 
     Raises:
-        ClosureError: For an overconstrained loop that is open by more than `ROUNDED_PLACEMENTS` in
-            its best pose.
+        ClosureError: For an overconstrained loop that is open in its best pose by more than
+            `ROUNDED_PLACEMENTS`, but less than `_FAR`.
     """
     with announced(f"model {mechanism.model.name}: checking its closures"):
         original = _Robot(mechanism)
