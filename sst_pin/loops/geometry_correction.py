@@ -330,16 +330,22 @@ class _Robot:
         return errors
 
     def require_closing(self, poses: Sequence[Array], part: _Part) -> None:
-        """Refuse an overconstrained part that is open in all poses by more than rounding."""
+        """Refuse an overconstrained part that is open in all poses by more than rounding.
+
+        A part that is open by more than `_FAR` passes: its poses may be far from closed ones.
+        """
         best = min(poses, key=lambda q: self.gap(q, part))
         rank = self.rank(best, part)
         if not ROUNDED_PLACEMENTS < self.gap(best, part) < _FAR or rank in {None, len(part.rows)}:
             return
         errors = self.errors(best, part)
+        scaled = errors * self.mechanism.row_scale
+        # Beside the open rows, the others have errors of rounding.
+        least = ROUNDED_PLACEMENTS * scaled.max()
         names = [
             str(closure)
             for closure, rows in zip(self.mechanism.closures, self.loops.slices, strict=True)
-            if errors[rows].any()
+            if scaled[rows].max(initial=0.0) > least
         ]
         raise ClosureError(
             f"the loops at {listed(names, 4)} stay open by {errors.max():.3g} (m or rad) in the "

@@ -211,6 +211,16 @@ def test_a_closure_two_millimetres_across_the_plane_is_refused(kind):
     assert caught.value.residual == pytest.approx(2e-3, rel=0.01)
 
 
+def test_the_error_of_an_open_loop_names_no_closed_ones():
+    """One closure of a scissor lift stands across the plane; the others close to rounding."""
+    chain = robots.scissor_lift()
+    model = pin.Model(chain.model)
+    frame = model.frames[model.getFrameId(chain.closures[1].frame_a)]
+    frame.placement = frame.placement * at(0, 0, 5e-3)
+    with pytest.raises(ClosureError, match=f"the loops at {chain.closures[1]} stay open by 0.005"):
+        ClosedChain(model, chain.closures, chain.motor_names)
+
+
 @pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize(
     ("kind", "tilted"), [("3d", "coupler"), ("hinge", "crank"), ("hinge", "rocker")]
