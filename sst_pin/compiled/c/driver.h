@@ -147,7 +147,7 @@ INLINE int compute_pass(
         for (int k = 0; k < g->checks; k++)
             good &= y[g->results + k] <= 1.0;
     }
-    return !some(~good);
+    return !some(good == (mask){0});
 }
 
 /* Multiply the result by A^-1, LANES of its columns at once. */
