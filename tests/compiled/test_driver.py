@@ -70,5 +70,9 @@ def library(request, tmp_path_factory):
     return library
 
 
+def test_the_start_of_a_rollout_without_steps_does_not_depend_on_its_workspace(library):
+    assert library.valid_states(0.0) == library.valid_states(float("nan")) == 1
+
+
 def test_a_direction_is_valid_if_its_checks_are_at_most_1(library):
     assert library.passes(1.0) and not library.passes(1.1)

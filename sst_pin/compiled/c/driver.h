@@ -385,6 +385,8 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *end, cons
         take(x, &in[0], first, lanes, f->q);
         take(x + f->q, &in[1], first, lanes, f->va);
         take(x + states + f->tau, &in[2], first, lanes, f->load);
+        for (int j = 0; j < f->tau; j++) /* for a rollout without steps */
+            x[states + j] = zero;
         f->close(x, p, y);
         const real det_at_start = y[f->q];
         real det = det_at_start;
@@ -395,7 +397,7 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *end, cons
             const rows to_verdict = at_step(&out[2], s);
             give(x, &to_q, first, lanes, f->q);
             give(x + f->q, &to_va, first, lanes, f->va);
-            if (s < steps) /* at the last state any torques serve to check it */
+            if (s < steps) /* the last state is checked with the torques before it, or with none */
                 take_torques(f, x, tau, s, 0, first, lanes);
             f->rate(x, p, y);
             holds &= det_at_start * det > 0.0;
