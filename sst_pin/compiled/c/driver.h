@@ -311,14 +311,12 @@ INLINE real close_loops(const stepper *f, real *x, const double *p, real *y)
     real det = {0};
     mask open = det == det;
     for (int step = 0; step < CLOSING_STEPS && some(open); step++) {
-        real squares = {0};
         f->close(x, p, y);
         det = choose(open, y[f->q], det);
-        for (int j = 0; j < f->q; j++) {
-            squares += (y[j] - x[j]) * (y[j] - x[j]);
+        const mask far = longest_way(f->q, f->units, x, y) > LAST_STEP;
+        for (int j = 0; j < f->q; j++)
             x[j] = choose(open, y[j], x[j]);
-        }
-        open &= squares > LAST_STEP * LAST_STEP;
+        open &= far;
     }
     return det;
 }
