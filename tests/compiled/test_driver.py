@@ -77,8 +77,10 @@ def test_the_start_of_a_rollout_without_steps_does_not_depend_on_its_workspace(l
 def test_loops_close_equally_well_in_all_units_of_length(library):
     """Three steps raise a relative error of 3e-3 to its eighth power; two would leave 8e-11."""
     for length in (1e-3, 1.0, 1e3):
-        assert library.closed(3e-3 * length, length) / length == pytest.approx(3e-3**8, rel=1e-9, abs=0)
+        error = library.closed(3e-3 * length, length) / length
+        assert error == pytest.approx(3e-3**8, rel=1e-9, abs=0)
 
 
 def test_a_direction_is_valid_if_its_checks_are_at_most_1(library):
-    assert library.passes(1.0) and not library.passes(1.1)
+    assert library.passes(1.0)
+    assert not library.passes(1.1)

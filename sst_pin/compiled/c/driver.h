@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Rows of samples in, LANES samples at once through a kernel, rows out, with a verdict on each. */
+/* Rows of samples in, LANES samples at once through a kernel, rows out, with a verdict on each. real.h
+ * and ways.h stand before it. */
 #include <stddef.h>
 #include <string.h>
 
@@ -254,9 +255,9 @@ typedef struct {
     int q, va, tau, load; /* sizes */
     int checks, close_checks;
     body *rate;  /* of (q, va, tau, load): rates of q and va */
-    body *close; /* of q: q after a step of Newton's method, then det Phi_u without units */
+    body *close; /* of q: q after a step of Newton's method, det Phi_u and a number for other callers */
     const double *units;
-    double bend, tolerance; /* a step longer than `way` is closed by at most bend way + tolerance */
+    double bend, tolerance; /* a step of the length `way` is closed by at most bend way + tolerance */
     double travel;          /* longest sound step */
     double nearby;          /* longest step of Newton's method that closes the middle of a sound step */
     double change;          /* largest factor by which det Phi_u changes in half a sound step */
@@ -281,7 +282,8 @@ INLINE rows at_step(const courses *states, ptrdiff_t s)
 
 /* The Runge-Kutta method from the state in x, at which y are the rates. Then x and `end` are the state
  * at the end, and `start` is that of before. The torques in the middle of step s are `half` bytes
- * behind those at its beginning; where half is 0, the step has just these. */
+ * behind those at its beginning, those at its end twice as many; where half is 0, the torques are the
+ * same in the whole step. */
 INLINE void runge_kutta(const stepper *f, real *x, real *y, real *start, real *end, const double *p,
     double h, const courses *tau, ptrdiff_t half, ptrdiff_t s, ptrdiff_t first, int lanes)
 {
@@ -321,11 +323,11 @@ INLINE real close_loops(const stepper *f, real *x, const double *p, real *y)
     return det;
 }
 
-/* det Phi_u at q in x; NaN where checks fail also after one step of Newton's method, which has to be
- * short. */
+/* det Phi_u at q in x. Where its checks fail, a step of Newton's method moves q in x; det is NaN where
+ * this step is not short, or where the checks still fail. */
 INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
 {
-    const int outputs = f->q + 2;
+    const int outputs = f->q + 2; /* see `stepper.close` */
     f->close(x, p, y);
     const mask closed = judge(x, f->q, f->q, y, outputs, f->close_checks);
     const mask open = closed == (mask){0};
@@ -368,8 +370,8 @@ INLINE int erase_invalid(const courses *out, const int *sizes, ptrdiff_t steps, 
 /* Rollouts of `count` motions. `in` are q, va and load at the start; `tau` and `half` as in
  * `runge_kutta`. `out` are q, va and two numbers for each state: det Phi_u, and 1 where the step from
  * there is sound, else 0. `reached` gets the number of states that hold: their checks pass, det Phi_u
- * has the sign that it had at the start, and the step to them is not bent. Returns whether a motion
- * ends early. x, y, start and end are workspace. */
+ * has the sign that it had at the start, and the step to them is not bent; it must be zero before the
+ * call. Returns whether a motion ends early. x, y, start and end are workspace. */
 INLINE int roll(const stepper *f, real *x, real *y, real *start, real *end, const rows *in,
     const courses *tau, ptrdiff_t half, const courses *out, const double *p, double h,
     ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
