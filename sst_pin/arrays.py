@@ -275,7 +275,8 @@ def require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
         raise InputError("out", "a masked array; masked entries may not be written")
     if out.shape != shape:
         raise InputError("out", f"shape {out.shape}, expected {shape}")
-    if any(size > 1 and not step for size, step in zip(shape, out.strides, strict=True)):
+    steps = zip(shape, out.strides, strict=True)
+    if out.size and any(size > 1 and not step for size, step in steps):
         raise InputError("out", "entries share memory, as those of numpy.broadcast_to")
 
 
