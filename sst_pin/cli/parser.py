@@ -119,9 +119,13 @@ def names_robot(word: str) -> bool:
 
 
 def hint_for_robot(words: Sequence[str]) -> str:
-    """A hint for an error message when a robot is given instead of another argument."""
+    """A hint for an error message when a robot is given instead of another argument.
+
+    Options, and words behind options, which may be their values, are no such arguments.
+    """
     for before, word in zip(["", *words], words, strict=False):
-        if before != "--robot" and names_robot(word):
+        is_argument = not before.startswith("-") and not word.startswith("-")
+        if is_argument and names_robot(word):
             return f"; did you mean --robot {word}?"
     return ""
 

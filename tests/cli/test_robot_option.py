@@ -11,6 +11,7 @@ import pytest
 import sst_pin
 from sst_pin.cli import main
 from sst_pin.cli.commands import COMMANDS as COMMANDS_OF_THE_HELP
+from sst_pin.cli.parser import hint_for_robot
 from sst_pin.errors import install_command
 from tests.support.command_line import run
 from tests.support.files import ROOT
@@ -169,3 +170,16 @@ def test_a_model_of_an_sdf_world_is_chosen(here, capsys):
         code, _, err = run(capsys, "verify", *robot, "--model", "s")
         assert code == 2
         assert "--model: only for an SDF" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        ("torques foo.urdf --strict", "; did you mean --robot foo.urdf?"),
+        ("torques foo.csv --robot foo.urdf", ""),
+        ("torques foo.csv --robot=foo.urdf", ""),
+        ("describe -o foo.xml", ""),
+    ],
+)
+def test_the_hint_names_an_argument_not_an_option_or_its_value(words, hint):
+    assert hint_for_robot(words.split()) == hint
