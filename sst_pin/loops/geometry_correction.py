@@ -5,20 +5,25 @@ An overconstrained loop moves only because its axes are parallel, meet in one po
 With rounded placements they do so only roughly, and redundant rows contradict each other. The
 placements of such a loop are displaced as little as possible, so that it closes in all poses.
 
-Joint motions can remove all of f but U^T f, where U are the left singular vectors of Phi beyond its
-rank. With F = df/dd for displacements d of the placements, U^T (f + F d) = 0 must hold in many
-poses at once, home among them. Gauss-Newton's method finds the shortest d. The rank is found where
-the loops are closed by least squares: there the singular values of the mechanism are orders larger
-than those from rounding.
+At a pose, motions of the joints change f within the range of Phi only. Let the columns of U be an
+orthonormal basis of the rest: the left singular vectors of Phi beyond its rank. No motion changes
+U^T f. So the loops close next to this pose if displacements d of the placements fulfil
+
+    U^T (f + F d) = 0,    F = df/dd.
+
+This must hold in many poses at once, home among them. Gauss-Newton's method finds the shortest d.
+With rounded placements, Phi has no exact rank. The loops are closed by least squares; there, the
+singular values of the mechanism are orders larger than those that rounding makes, and the rank is
+the number of the former.
 
 Axes may be almost parallel on purpose. So a correction is kept only where the errors of the
 original are rounding. `_is_justified` refuses it
 
-- if the original is far from closed where the corrected loop closes: that is another robot;
-- if the original closes exactly at the start, and its numbers are not rounded;
-- if the original moves as it is, from a home that is closed to the rounding of floats;
-- if the original moves as it is, and the displacements are larger than the rounding of its numbers,
-  or the gap at the start, explains.
+1. if the original is far from closed where the corrected loop closes: that is another robot;
+2. if the original closes exactly at the start, and its numbers are not rounded;
+3. if the original moves as it is, from a home that is closed to the rounding of floats;
+4. if the original moves as it is, and the displacements are larger than the rounding of its
+   numbers, or the gap at the start, explains.
 """
 
 from collections import Counter
@@ -51,11 +56,13 @@ _POSES = np.linspace(0.1, 1.0, 16)
 _LOOKS = 3
 #: Widths of random displacements to poses that check the result.
 _CHECKS = np.linspace(0.15, 1.05, 8)
-#: Largest ratio of a singular value that rounding makes to one of the mechanism.
+#: Largest ratio of a singular value that rounding makes to one of the mechanism: the rank stays the
+#: same even if rounding makes ten times as much.
 _GAP = 0.1
 #: Loops that stay open by more in all poses may be far from the poses in which they close.
 _FAR = 10 * ROUNDED_PLACEMENTS
-#: Gauss-Newton's method: most steps.
+#: Gauss-Newton's method: most steps. Each step squares the gap, so that three are enough from
+#: `ROUNDED_PLACEMENTS`; more are needed where small singular values count only as the gap falls.
 _STEPS = 12
 #: It ends at this gap.
 _CLOSED = 1e-14
@@ -68,7 +75,8 @@ _NOISE = 30.0
 _TRIES = 3
 #: A loop moves as it is if it closes after each of some steps: their number.
 _MOTION_STEPS = 3
-#: Their length, [rad] or lengths of the loop.
+#: Their length, [rad] or lengths of the loop. A rigid part may seem closed up to some 1e-5 in a
+#: singular pose, where its error grows with the square of the motion.
 _MOTION = 0.05
 
 
@@ -177,21 +185,22 @@ def _justified_correction(
 
 def _is_justified(correction: _Correction, original: "_Robot", part: _Part, start: Array) -> bool:
     """Whether the errors of the original are rounding, and not what somebody wanted."""
+    # The numbers of the reasons are those in the text of the module.
     for q in correction.poses:
-        # The original is far from closed where the corrected robot closes: that is another robot.
         if original.gap(original.closest(q, part.rates), part) > ROUNDED_PLACEMENTS:
-            return False
+            return False  # 1
     rounding = original.rounding(start, part)
     if rounding == 0:
-        return False  # it closes exactly, perhaps in this pose only
+        return False  # 2: it closes at the start, perhaps in this pose only
     home = home_of(original.mechanism)
     if home is not None and not original.gap(home, part) and original.moves(home, part):
-        # Rounded placements would leave the home of the file open. Short numbers, such as 0.25, are
-        # exact here.
+        # 3: at the home of the file, rounded placements would be open. So short numbers, such as
+        # 0.25, are exact.
         return False
     if correction.size <= EXPLAINED * rounding:
         return True
-    return not original.moves(start, part)  # it would be a rigid frame
+    # 4: without the correction it would be a rigid frame.
+    return not original.moves(start, part)
 
 
 def _rank_of_overconstrained(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
@@ -211,21 +220,25 @@ def _find_correction(
 ) -> _Correction | None:
     """A correction with which a part closes in these poses and in others; None if none is found.
 
-    The poses near the `start` check it. Those in which the part stays open are added to the poses
-    of the next try.
+    Each try displaces the placements further, so that the part closes in the poses. Then other
+    poses around the `start` check it. If the part stays open in some of them, the next try has
+    these poses too.
     """
+    corrected = robot
     fitting = list(poses)
     total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
-        robot, displacements = robot.with_displacements(fitting, part, rank)
+        corrected, displacements = corrected.with_displacements(fitting, part, rank)
         total += displacements
         # Another width gives another random direction: these poses are not those of other tries.
-        checks = [robot.closest(start, part.rates, width) for width in [0.0, *(_CHECKS + k / 100)]]
-        # Poses with larger gaps are next to no closed pose.
-        closed = [q for q in checks if robot.gap(q, part) <= ROUNDED_PLACEMENTS]
-        regular = [q for q in closed if robot.rank(q, part) == rank]
-        if regular and not any(robot.gap(q, part) for q in regular):
-            return _Correction(robot, size=float(np.abs(total).max(initial=0.0)), poses=regular)
+        widths = [0.0, *(_CHECKS + k / 100)]
+        checks = [corrected.closest(start, part.rates, width) for width in widths]
+        # Poses with larger gaps are next to no closed pose, and those of lower rank are singular.
+        closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
+        regular = [q for q in closed if corrected.rank(q, part) == rank]
+        if regular and not any(corrected.gap(q, part) for q in regular):
+            size = float(np.abs(total).max(initial=0.0))
+            return _Correction(corrected, size, poses=regular)
         fitting += regular
     return None
 
@@ -336,7 +349,9 @@ class _Robot:
         """
         best = min(poses, key=lambda q: self.gap(q, part))
         rank = self.rank(best, part)
-        if not ROUNDED_PLACEMENTS < self.gap(best, part) < _FAR or rank in {None, len(part.rows)}:
+        is_open = ROUNDED_PLACEMENTS < self.gap(best, part) < _FAR
+        is_overconstrained = rank is not None and rank < len(part.rows)
+        if not (is_open and is_overconstrained):
             return
         errors = self.errors(best, part)
         scaled = errors * self.mechanism.row_scale
@@ -366,8 +381,9 @@ class _Robot:
         Also returns the displacements d of all places, [linear; angular] for each, in lengths of
         the loop and [rad], shape (6 places,).
         """
-        robot = self
         places = self.places(part)
+        # Each step of Gauss-Newton's method makes another robot. Its joints follow in each pose.
+        robot = self
         total = np.zeros(6 * len(places))
         for _ in range(_STEPS):
             equations = [robot._equations(q, part, rank, places) for q in poses]
@@ -388,7 +404,8 @@ class _Robot:
     ) -> "_Equations":
         """The equations U^T (f + F d) = 0 at one pose, d in lengths of the loop and [rad].
 
-        The columns of U are the combinations of rows that no motion of the joints changes.
+        The columns of U in the text of the module are `U_left` here. G is the pseudoinverse of Phi
+        with this rank.
         """
         U, s, Vt = np.linalg.svd(self._Phi(q, part))  # evaluates the loops at q
         row_scale = self.mechanism.row_scale[part.rows]
@@ -508,7 +525,7 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
         twists = (oMcarrier * placement).action
         twists[:3, :3] = oMcarrier.rotation
         for rows in loops.of_frames:
-            frame_b, frame_a = rows.frames
+            frame_b, frame_a = rows.frames  # in the normal tree, which keeps the indices of frames
             moves_b = _moves(model, place, frame, frame_b)
             moves_a = _moves(model, place, frame, frame_a)
             W_b = W[rows.at, :6]  # f_dot = W_b twist_b + W_a twist_a
@@ -556,7 +573,11 @@ def half_a_digit(numbers: Array) -> float:
 
 
 def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
-    """Say how far loops were open, by the rows' errors, and how far placements were displaced."""
+    """Say how far loops were open, and how far placements were displaced.
+
+    `errors` are those of f, whose rows are those of all closures in their order: [m], or [rad] for
+    rows that hold a turn.
+    """
     names = list[str]()
     turns = list[bool]()
     for closure in before.closures:
