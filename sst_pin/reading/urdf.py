@@ -143,13 +143,15 @@ class Urdf:
         """The errors among the problems, as texts."""
         for problem in self.problems:
             if problem.severity == "error":
-                text = f"{problem.where}: {problem.text}"
-                yield text.replace("file:", f"not {self._what}:", 1)
+                where = f"not {self._what}" if problem.where == "file" else problem.where
+                yield f"{where}: {problem.text}"
 
     def _wrong_kinds(self, kinds: Mapping[str, str]) -> Iterator[str]:
         """Problems of kinds of joints that the file does not have or that are fixed in it."""
         names = self.joint_names
-        for name in set(kinds).difference(names):
+        for name in kinds:
+            if name in names:
+                continue
             text = f"joint {name} is missing"
             similar = get_close_matches(name, names, 1, 0.8)
             if similar:

@@ -4,6 +4,7 @@
 The words are those of `validate`.
 """
 
+import re
 import shutil
 import sys
 import xml.etree.ElementTree as ET
@@ -14,6 +15,7 @@ import pytest
 
 import sst_pin
 from sst_pin.reading import parse_cuts
+from sst_pin.reading.urdf import Urdf
 from sst_pin.sst.robot_wrapper import load
 from tests.support.files import ROOT
 
@@ -125,6 +127,22 @@ def test_what_makers_add_to_the_dynamics_of_joints_is_told(files):
         sst_pin.ClosedChain.from_urdf(path := write())
     assert [warning.filename for warning in caught] == [__file__]
     assert f"warning: {text}" in map(str, sst_pin.validate(path))
+
+
+def test_an_error_names_a_link_whose_name_ends_as_a_file():
+    text = (
+        '<robot name="r"><link name="profile"><inertial><mass value="x"/></inertial></link></robot>'
+    )
+    robot = Urdf(text, "r.urdf")
+    with pytest.raises(sst_pin.DescriptionError, match="link profile: "):
+        robot.tree()
+
+
+def test_missing_joints_are_named_in_the_order_of_their_kinds():
+    names = [f"joint_{k}" for k in range(20)]
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        Urdf.read(DELTA).tree(dict.fromkeys(names, "BALL"))
+    assert re.findall(r"joint_\d+", str(caught.value)) == names
 
 
 def large_urdf(links):
