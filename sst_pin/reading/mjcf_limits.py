@@ -15,12 +15,6 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     Several actuators on one joint add up. If a range is not symmetric, the larger side is used for
     both directions, and a note says so.
     """
-    mj = compiled.mj
-    # Limits of joints apply without actuators too. Below, the range of a joint's actuators, which
-    # lies within the joint's, overwrites it.
-    limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))  # not every MuJoCo has them
-    for joint in map(int, np.flatnonzero(limited)):
-        _put_joint_effort(compiled, tree, joint, mj.jnt_actfrcrange[joint])
     efforts_of_lines = dict[str, float]()
     for (kind, target), force_range in _ranges(compiled).items():
         # Sites and bodies, the other kinds of targets, drive no single rate.
@@ -28,11 +22,12 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
             _put_joint_effort(compiled, tree, target, force_range)
         elif kind == "tendon":
             name = compiled.name("tendon", target)
-            effort = _effort(compiled, f"tendon {name}", force_range)
             if compiled.is_spatial(target):
-                efforts_of_lines[name] = effort
-            elif np.isfinite(effort):
-                text = f"the limit {effort:g} of its motor is not used: it acts on several joints"
+                efforts_of_lines[name] = _effort(compiled, f"tendon {name}", force_range)
+                continue
+            unused = _larger_side(force_range)
+            if np.isfinite(unused):
+                text = f"the limit {unused:g} of its motor is not used: it acts on several joints"
                 compiled.notes.append(f"tendon {name}: {text}")
     return efforts_of_lines
 
@@ -49,7 +44,10 @@ def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force_rang
 
 
 def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
-    """Ranges of forces, shape (2,), of all actuators on a target, by its kind and index."""
+    """Ranges of forces, shape (2,), of all actuators on a target, by its kind and index.
+
+    A joint with a limit and without actuators has the range of its limit.
+    """
     mj = compiled.mj
     ranges = dict[tuple[str, int], Array]()
     for actuator in actuators(compiled):
@@ -68,6 +66,9 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
         if limited is not None and limited[target]:
             lower, upper = getattr(mj, f"{prefixes[kind]}_actfrcrange")[target]
             force_range[:] = np.clip(force_range, lower, upper)
+    limited_joints = getattr(mj, "jnt_actfrclimited", np.zeros(0))  # not every MuJoCo has them
+    for joint in map(int, np.flatnonzero(limited_joints)):
+        ranges.setdefault(("joint", joint), mj.jnt_actfrcrange[joint])
     return ranges
 
 
@@ -95,8 +96,15 @@ def _range_of(compiled: Compiled, i: int) -> Array:
 def _effort(compiled: Compiled, where: str, force_range: Array) -> float:
     """The larger side of a range of forces; a note says if the sides differ."""
     low, high = force_range
-    effort = float(max(abs(low), abs(high)))
+    effort = _larger_side(force_range)
     if np.isfinite(effort) and low != -high:
-        text = f"its motor gives {low:g} to {high:g}; {effort:g} is used for both directions"
+        text = (
+            f"its force is limited to {low:g} to {high:g}; {effort:g} is used for both directions"
+        )
         compiled.notes.append(f"{where}: {text}")
     return effort
+
+
+def _larger_side(force_range: Array) -> float:
+    """The largest size of a force in a range."""
+    return float(np.abs(force_range).max())

@@ -122,11 +122,30 @@ def test_the_largest_force_of_a_motor_is_that_of_mujoco(tmp_path, of_joint, actu
         assert max(forces) == pytest.approx(effort)
 
 
-def test_a_range_that_is_not_symmetric_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("of_joint", "actuators", "text"),
+    [
+        ("", '<motor joint="a" ctrlrange="-1 2"/>', "-1 to 2; 2 is used for both directions"),
+        (' actuatorfrcrange="-5 3"', "", "-5 to 3; 5 is used for both directions"),
+        (' actuatorfrcrange="-5 3"', '<motor joint="a" ctrlrange="-2 2"/>', ""),
+    ],
+    ids=["of a motor", "of a joint", "of a joint with a motor of a smaller range"],
+)
+def test_a_range_that_is_used_and_not_symmetric_is_named(tmp_path, of_joint, actuators, text):
     path = tmp_path / "r.xml"
-    path.write_text(MOTORS.format("", '<motor joint="a" ctrlrange="-1 2"/>'))
-    with pytest.warns(sst_pin.DescriptionWarning, match="joint a: its motor gives -1 to 2; 2 is"):
-        sst_pin.ClosedChain.from_mjcf(path)
+    path.write_text(MOTORS.format(of_joint, actuators))
+    notes = [problem.text for problem in sst_pin.validate(path) if "directions" in problem.text]
+    assert notes == ([f"joint a: its force is limited to {text}"] if text else [])
+
+
+def test_a_limit_of_a_fixed_tendon_is_named_once_as_not_used(tmp_path):
+    tendon = '<tendon><fixed name="belt"><joint joint="a" coef="1"/></fixed></tendon>'
+    path = tmp_path / "r.xml"
+    motors = MOTORS.format("", '<motor tendon="belt" ctrlrange="-1 2"/>')
+    path.write_text(motors.replace("</mujoco>", f"{tendon}</mujoco>"))
+    notes = [problem.text for problem in sst_pin.validate(path) if "belt" in problem.text]
+    text = "the limit 2 of its motor is not used: it acts on several joints"
+    assert notes == [f"tendon belt: {text}"]
 
 
 @pytest.mark.parametrize(
