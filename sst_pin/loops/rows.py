@@ -47,12 +47,13 @@ class FrameRows:
         name_a, name_b = frames_of(closure)
         self.frames = [frame_id(tree.model, name_b), frame_id(tree.model, name_a)]
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
+        # `supports`, shape (joints, rates), says which rates move the body of a joint.
         moves_b, moves_a = tree.supports[self.bodies]
         #: 1 for each rate of the normal tree that moves B, or A, else 0, shape (2, rates).
         self._carries = np.array([moves_b, moves_a], dtype=float)
 
-        # The path between the frames: rates of the normal tree that move only one of them. Others
-        # move both as one body, and do not change f.
+        # The path between the frames: indices of the rates of the normal tree that move only one of
+        # them. Others move both as one body, and do not change f.
         self._path = np.flatnonzero(moves_b != moves_a)
         S_of_path = tree.S[self._path]
         #: S for the rates of the path that move B, or A; other rows are 0, shape (2, path, nv).
@@ -65,7 +66,7 @@ class FrameRows:
         return self.formulas.error(pair)
 
     def Phi(self, W: Array, J: Array) -> Array:
-        """Jacobian of f, shape (rows, nv): W [J_B; J_A]."""
+        """Jacobian of f, shape (rows, nv): W [J_B; J_A], with W = [W_B, -W_A] of the formulas."""
         return W.dot(self.jacobians(J))
 
     def twists(self, twists_of_rates: Array) -> Array:
@@ -73,7 +74,10 @@ class FrameRows:
         return self._carries.dot(twists_of_rates)
 
     def jacobians(self, J: Array) -> Array:
-        """[J_B; J_A], shape (12, nv): twists of B and A for rates of the model on the path."""
+        """[J_B; J_A], shape (12, nv): twists of B and A by rates of the model.
+
+        Only motions of the path between the frames are in them, as others do not change f.
+        """
         J_of_path = J.take(self._path, axis=1)
         return (J_of_path @ self._S_of_frames).reshape(12, -1)
 
