@@ -26,9 +26,8 @@ One number is enough. The entries of r come from different roundings. With rando
 close to a normal variable with mean zero and standard deviation |r|. If |r| is k times the bound,
 |s . r| is below the bound with a probability of about 0.8 / k: the density of a normal variable at
 zero, 0.4 / |r|, times the width 2 |r| / k. So less than one of 100 samples with k = 100 pass, and
-their error is 100 * 30 eps, in the twelfth digit only. Larger errors pass as much less often as
-they are larger. The signs are the same in all runs, so that a sample has the same verdict each
-time.
+their residual is 100 * 30 eps, still below 1e-12. Larger ones pass as much less often as they are
+larger. The signs are the same in all runs, so that a sample has the same verdict each time.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
