@@ -118,7 +118,7 @@ def _answer(
     two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
     result = kernel.answer(q, two[0], two[1], moment, out, threads)
     if is_matrix and result is not None:
-        result.shape = (*result.shape[:-1], *shape)
+        result = result.reshape(*result.shape[:-1], *shape)
     return True, result
 
 
