@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parsers of arguments; nothing here imports Pinocchio, so that --help is quick."""
+"""Parsers of arguments; only errors about robots import Pinocchio, so that --help is quick."""
 
 import argparse
 import re
