@@ -167,7 +167,7 @@ class Engine:
     Args:
         mechanism: The mechanism.
         make_kernels: Makes its kernels at their first use; None to compute by the reference path.
-        kernels: The kernels, if they exist already.
+        kernels: What `make_kernels` makes, if it exists already. Pickling leaves it out.
         platform: Name of the frame whose body a `platform_moment` acts on.
 
     Attributes:
