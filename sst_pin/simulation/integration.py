@@ -301,4 +301,5 @@ def _margin_of_repeat(repeats: int) -> float:
 
     The margin grows tenfold with each further repeat, to half of the length.
     """
-    return float(min(0.5, _MARGIN_OF_REPEAT * 10**repeats))
+    tens = min(repeats, 10)  # with ten the margin is above half; a large power would overflow
+    return min(0.5, _MARGIN_OF_REPEAT * 10.0**tens)
