@@ -355,7 +355,8 @@ class Checks:
     def of_motors(self) -> list[Any]:
         """A check that the motors hold all coordinates; none where each holds its own.
 
-        Where they do not, the rows of the motor matrix L^T B become dependent, and a pivot small.
+        Where they do not, the rows of the motor matrix L^T B become dependent, and a pivot becomes
+        small against its size in the samples.
         """
         e = self._equations
         if e.mechanism.driven_one_to_one:
@@ -388,11 +389,11 @@ class Checks:
 
             rounding A_kk + WITHOUT_MASS I |L e_k|^2.
 
-        The second term is a part of the inertia I of the whole robot: it moves as the joints do for
-        a unit rate of the coordinate. The factors have the inverses of the pivots: for a positive
-        pivot, the bound holds if the bound times the inverse is at most 1. The sum of these
-        products over all pivots is stricter than each by itself. For a negative pivot the product
-        is negative too, so that a check of its own refuses it.
+        I |L e_k|^2 is the inertia that the coordinate would have if all bodies moved as the joints
+        do at its unit rate. The factors have the inverses of the pivots. A positive pivot is large
+        enough if its bound times its inverse is at most 1; the sum of these products over all
+        pivots is checked, which is stricter. For a negative pivot the product is negative too, so
+        that the first check refuses these.
         """
         e = self._equations
         factors = e.inertia_factors
