@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, single_array
+from ..arrays import Array, as_array, single_array
 from ..errors import InputError
 from .tree import joint_id
 
@@ -119,10 +119,11 @@ def checked_shares(shares: Mapping[str, Share] | object) -> dict[str, Array]:
     checked = dict[str, Array]()
     for name, share in shares.items():
         row = _WHOLE.copy()
-        if np.ndim(share):
-            row[:] = single_array(f"weight_shares {name}", share, (4,))
+        numbers = as_array(f"weight_shares {name}", share, ())
+        if numbers.ndim:
+            row[:] = single_array(f"weight_shares {name}", numbers, (4,))
         else:
-            row[0] = single_array(f"weight_shares {name}", share, ())
+            row[0] = single_array(f"weight_shares {name}", numbers, ())
         checked[name] = row
     return checked
 

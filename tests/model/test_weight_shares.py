@@ -215,6 +215,7 @@ def test_a_pickled_robot_has_its_shares_read_only(hexapod):
         (["crank"], sst_pin.InputError, "a mapping of names to shares"),
         ({"crank": np.nan}, sst_pin.InputError, "weight_shares crank"),
         ({"crank": [0.5, 0.1]}, sst_pin.InputError, "weight_shares crank"),
+        ({"crank": [0.5, [0.1, 0.2]]}, sst_pin.InputError, "weight_shares crank"),
     ],
 )
 def test_wrong_shares_are_refused(shares, error, words):
