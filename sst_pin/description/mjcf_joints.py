@@ -34,7 +34,8 @@ class MjcfJoint(NamedTuple):
     point: Array
     #: Placement to which the pose of a free joint is relative.
     at: pin.SE3
-    #: MuJoCo's coordinates are factor * q[entries] + offset, its rates factor * v[rates].
+    #: MuJoCo's coordinates are factor * q[entries] + offset, its rates factor * v[rates]. The
+    #: factor is 1 unless the joint is a hinge or a slide that mimics another.
     entries: Indices
     rates: Indices
     factor: float
@@ -80,9 +81,10 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
 
     # Joints of several rates.
     kind = _KINDS_OF_SEVERAL_RATES.get(type_name)
-    # MuJoCo's free joints are relative to the world only.
-    is_free_on_body = kind == "free" and tree.model.parents[index]
-    if kind and not is_free_on_body:
+    if kind == "free" and tree.model.parents[index]:
+        problem = "MuJoCo has free joints on the world only; use three slides and a ball"
+        raise DescriptionError(f"model {original.name}", [f"joint {common.name}: {problem}"])
+    if kind:
         return [common._replace(kind=kind)]
     if type_name == "JointModelTranslation":
         slides = list[MjcfJoint]()

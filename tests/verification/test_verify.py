@@ -54,6 +54,17 @@ def test_a_robot_that_mujoco_does_not_have_is_left_to_the_others(tmp_path):
     assert all(row.passed for row in verify.verify_chain(chain, 5))
 
 
+def test_a_free_joint_on_a_body_is_not_for_mujoco_and_the_error_says_why(tmp_path):
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "base")
+    free = model.addJoint(base, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    for joint in (base, free):
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    chain = sst_pin.ClosedChain(model, [], ["base"])
+    with pytest.raises(sst_pin.DescriptionError, match="free joints on the world only"):
+        sst_pin.write_mjcf(chain, tmp_path / "free.xml")
+
+
 def test_wrong_weights_end_in_exit_code_1(monkeypatch, capsys):
     """A flipped sign of gravity: every referee says so."""
     for name in ("compute_torques", "generalized_forces"):
