@@ -17,8 +17,8 @@ from ..model.normal_tree import NormalTree
 
 #: Kinds of joints of several rates.
 _KINDS_OF_SEVERAL_RATES = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-#: Largest relative size of the off-diagonal entries of an inertia that counts as diagonal. Smaller
-#: entries are rounding, and an eigenvalue problem would only exchange the axes.
+#: Largest relative size of the off-diagonal entries of an inertia that counts as diagonal: some
+#: roundings of its largest moment. Moments that are equal would else get any axes.
 _ROUNDING = 1e-15
 
 
@@ -157,8 +157,9 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     off_diagonal = inertia - np.diag(np.diag(inertia))
     if np.abs(off_diagonal).max() <= _ROUNDING * np.abs(moments).max():
         return np.diag(inertia).copy(), np.eye(3)
-    # First the order of the axes, then their signs; one of them makes the determinant 1.
+    # First the order of the axes, then their signs. Then the trace of R is above 1: the squares of
+    # the entries have the sum 1 in each row, and so their mean over all orders is 1. A reflection
+    # has a trace of at most 1; so R is a rotation.
     _, order = linear_sum_assignment(-np.abs(R))
     R = R[:, order] * np.sign(np.diag(R[:, order]))
-    R[:, np.diag(R).argmin()] *= np.linalg.det(R)
     return moments[order], R
