@@ -42,7 +42,10 @@ class Server:
     def __init__(
         self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str, port: int
     ) -> None:
-        """`page` returns the HTML, `state` the messages that a new page needs to be up to date."""
+        """`page` returns the HTML, `state` the messages that a new page needs to be up to date.
+
+        The thread of the server calls both.
+        """
         sockets = listen(host, port)
         self.url = url_of(host, sockets[0].getsockname()[1])
         self.visited = threading.Event()
@@ -109,13 +112,14 @@ class Server:
         return tornado.web.Application([("/", Page), ("/socket", Socket)])
 
     def send(self, message: Message) -> None:
-        """Send a message to every connected page; any thread may call this."""
+        """Send a message to every connected page; any thread may call this, also after `close`."""
 
         def send_to_all() -> None:
             for sender in tuple(self._pages.values()):
                 sender.send(message)
 
-        self._loop.call_soon_threadsafe(send_to_all)
+        with suppress(RuntimeError):  # the loop is closed, and no page is connected
+            self._loop.call_soon_threadsafe(send_to_all)
 
     def close(self) -> None:
         """Stop listening and wait until it has stopped."""
@@ -125,7 +129,8 @@ class Server:
             self._loop.close()
 
 
-#: A page that has not read so much yet gets no further messages, [byte].
+#: A page that has not read so much yet gets no further messages, [byte]. Many frames of a motion
+#: are less, and the memory of this machine holds it for many pages.
 _MOST_UNREAD = 2**22
 
 
@@ -159,7 +164,7 @@ class PageSender:
 
     def _write(self, message: Message) -> None:
         """Write a message and count it as unread until the page has read it."""
-        size = len(message)
+        size = len(message.encode() if isinstance(message, str) else message)
         try:
             future = self._page.write_message(message, binary=isinstance(message, bytes))
         except tornado.websocket.WebSocketClosedError:  # the page has closed
@@ -205,6 +210,7 @@ def is_ours(host: str, header: str | None) -> bool:
         name = urlsplit(f"//{header or ''}").hostname or ""
         if name in ("localhost", host.lower(), socket.gethostname().lower()):
             return True
-        return bool(ip_address(name))
+        ip_address(name)
     except ValueError:  # no address in numbers, or no host at all
         return False
+    return True

@@ -441,8 +441,9 @@ class Viewer:
 
     def _tell(self, message: Message) -> None:
         """Send a message to the open pages."""
-        if self._server is not None:
-            self._server.send(message)
+        server = self._server  # another thread may close it
+        if server is not None:
+            server.send(message)
 
     def _state(self) -> list[Message]:
         """All messages that a new page needs."""

@@ -6,6 +6,7 @@ import logging
 import socket
 import time
 from contextlib import ExitStack
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import pytest
@@ -63,6 +64,23 @@ def test_frames_for_a_page_that_lags_are_dropped_and_it_gets_the_state_later(ser
         assert b"scene" in received
         assert b"last" not in received  # the state contains it
         assert total < sent
+
+
+def test_unread_texts_are_counted_in_bytes():
+    async def unread():
+        future = asyncio.get_running_loop().create_future()
+        page = SimpleNamespace(write_message=lambda *_, **__: future)
+        sender = module.PageSender(page, lambda: STATE)
+        sender.send("µm")
+        return sender._unread
+
+    assert asyncio.run(unread()) == 3
+
+
+def test_a_message_after_the_end_is_for_no_page(server):
+    """Another thread may close the server while a motion plays."""
+    server.close()
+    server.send(b"frame")
 
 
 def test_pages_that_close_or_talk_leave_no_traceback(server, caplog):
