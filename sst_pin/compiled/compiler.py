@@ -120,7 +120,10 @@ def _run(arguments: Sequence[str], result: Path) -> None:
         done = subprocess.run(command, capture_output=True, errors="replace", check=False)
     except OSError as error:
         raise CompilationError(f"{command[0]} cannot be run: {error.strerror}") from None
-    if done.returncode or not result.is_file():
-        message = "\n".join(done.stderr.strip().splitlines()[:5])
-        message = message or "it wrote no library; set CC to another compiler"
+    message = "\n".join(done.stderr.strip().splitlines()[:5])
+    if done.returncode:
+        message = message or "it says nothing; set CC to another compiler"
         raise CompilationError(f"{command[0]} failed with code {done.returncode}:\n{message}")
+    if not result.is_file():
+        problem = f"{command[0]} wrote no file; set CC to another compiler"
+        raise CompilationError(f"{problem}\n{message}".rstrip())

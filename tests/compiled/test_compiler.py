@@ -28,7 +28,7 @@ def answer():
             "failed with code 1:\nan . odd byte",
         ),
         (b"#!/bin/sh\nkill -9 $$\n", "failed with code -9"),
-        (b"#!/bin/sh\nexit 0\n", "failed with code 0:\nit wrote no library; set CC to another"),
+        (b"#!/bin/sh\nexit 0\n", "cc wrote no file; set CC to another compiler"),
         (
             b'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done; echo no library > "$2"\n',
             "too short; set XDG_CACHE_HOME to another folder, or CC to another compiler",
