@@ -6,7 +6,7 @@ The core axes of an array are those of one sample. The axes before them are thos
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from typing import TypeVar
 
 import numpy as np
@@ -21,6 +21,9 @@ Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 T = TypeVar("T")
+#: The default policy for samples that fail. Control loops compare `on_error is RAISE`, since an
+#: array has no truth value by `==`; an equal string that is another object takes the longer way.
+RAISE = "raise"
 
 
 def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
@@ -148,8 +151,20 @@ def _holds_results(out: Array, samples: Iterable[Array | None]) -> bool:
 
 def require_policy(on_error: str) -> None:
     """Check `on_error`, the policy for samples that fail."""
-    if not isinstance(on_error, str) or on_error not in ("raise", "nan"):
-        raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
+    require_word("on_error", on_error, ("raise", "nan"))
+
+
+def require_word(name: str, value: str, known: Collection[str]) -> None:
+    """Refuse a value that is not one of the known words."""
+    if not isinstance(value, str) or value not in known:
+        raise InputError(name, f"{value!r} unknown; known: {', '.join(filter(None, known))}")
+
+
+def require_flags(**flags: bool) -> None:
+    """Refuse arguments, by their names, that are neither True nor False."""
+    for name, value in flags.items():
+        if not isinstance(value, (bool, np.bool)):
+            raise InputError(name, f"{value!r}: True or False is needed")
 
 
 def empty(shape: tuple[int, ...]) -> Array:

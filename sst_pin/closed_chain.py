@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .arrays import Array, positive_number, single_array
+from .arrays import RAISE, Array, positive_number, require_flags, single_array
 from .arrays import names as names_of
 from .dynamics import derivatives as slopes
 from .dynamics import design_derivatives as design
@@ -518,7 +518,7 @@ class ClosedChain(RobotProperties, Summary):
         # gives no answer for wrong ones, and the checks of `engine.torques` find the reason.
         is_plain = weights is None and preload is None and limits is None
         kernel = None
-        if is_plain and external_wrenches is None and on_error == "raise":
+        if is_plain and external_wrenches is None and on_error is RAISE:
             kernel = engine.torque_kernel
         if kernel is not None:
             tau = kernel(q, va, aa, platform_moment, out, threads)
@@ -571,7 +571,7 @@ class ClosedChain(RobotProperties, Summary):
         """Direct dynamics, Eq. (92): accelerations aa of the coordinates, shape (..., n)."""
         engine = self._engine
         kernel = None
-        if external_wrenches is None and on_error == "raise":
+        if external_wrenches is None and on_error is RAISE:
             kernel = engine.acceleration_kernel
         if kernel is not None:  # as in `compute_torques`
             aa = kernel(q, va, tau, platform_moment, out, threads)
@@ -800,6 +800,7 @@ class ClosedChain(RobotProperties, Summary):
         from .compiled.compiled_backend import compiled_engine
 
         engine = self._engine
+        require_flags(derivatives=derivatives, all=all)
         compiled = compiled_engine(engine, q, derivatives=derivatives, every=all)
         if self._engine is not engine:  # refreshed meanwhile
             return self.compile(q, derivatives=derivatives, all=all)
@@ -829,6 +830,7 @@ class ClosedChain(RobotProperties, Summary):
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
         engine = self._engine
+        require_flags(external_wrenches=external_wrenches, compiled=compiled)
         width = positive_number("sign_width", sign_width)
         near = None if q is None else engine.loops.single(q)
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
@@ -1019,6 +1021,7 @@ class ClosedChain(RobotProperties, Summary):
             threads=threads,
             on_error=on_error,
         )
+        require_flags(nonsmooth=nonsmooth)
         if nonsmooth:
             return nonsmooth_rollout(
                 self._engine,

@@ -266,6 +266,7 @@ class Engine:
         on_error: str = "raise",
     ) -> Array:
         """A quantity that has no loads; the reference path is `of_sample(q, *vectors)`."""
+        require_policy(on_error)
         kernel = self.kernel(key)
         asked = False
         if kernel is not None and on_error == "raise":
@@ -309,6 +310,7 @@ class Engine:
         one with wrenches on all bodies (`loaded`). `kernel_exists` is False if they do not take all
         arguments, and `ask_kernel` if the caller has asked `Kernel.answer` already.
         """
+        require_policy(on_error)
         # Step 1. The kernel without wrenches; None if there are wrenches.
         kernel = None
         if kernel_exists and external_wrenches is None:
@@ -365,7 +367,6 @@ class Engine:
             threads: For batches in kernels.
             on_error: "raise" or "nan".
         """
-        require_policy(on_error)
         threads = whole_number("threads", threads, 1)
         single = all(
             array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .arrays import Array, as_array, finite_array, for_each_sample
+from .arrays import Array, as_array, finite_array, for_each_sample, require_policy
 from .dynamics.design_derivatives import FrameWrenches
 from .errors import InputError
 from .loops.closed_loops import ClosedLoops
@@ -35,6 +35,7 @@ class _TreeOfThread(threading.local):
 
 def _finite_loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
     """Loads, shape (..., *shape); samples that are not finite are refused or, for "nan", NaN."""
+    require_policy(on_error)
     if on_error != "nan":
         return finite_array(name, value, shape)
     array = as_array(name, value, shape)

@@ -15,6 +15,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import require_flags
 from .errors import FileFormatError, InputError, OutputError
 
 Array = NDArray[np.float64]
@@ -170,6 +171,7 @@ def write_files(
     get their content back. A file that is replaced keeps its mode, and a link to it remains. Only
     `folder` and folders inside it are created if they are missing.
     """
+    require_flags(force=force)
     targets = {path: _target_of(as_path(path), force) for path in files}
     if folder is not None:
         parents = [folder.absolute().parent]

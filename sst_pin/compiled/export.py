@@ -7,10 +7,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, require_word
 from ..dynamics.quantities import Name
 from ..engine import Robot, require_robot
-from ..errors import DescriptionError, InputError, MissingExtraError
+from ..errors import DescriptionError, MissingExtraError
 from ..files import Writer, as_path, text_writer, write_files
 from ..model.mechanism import Mechanism
 from ..model.tree import joint_id
@@ -126,8 +126,7 @@ def c_files(
     chain: Robot, folder: str | Path, precision: Precision = "double"
 ) -> dict[Path, Writer]:
     """Writers of the files of `write_c`."""
-    if precision not in STYLES:
-        raise InputError("precision", f"{precision!r} is not one of {', '.join(STYLES)}")
+    require_word("precision", precision, STYLES)
     engine = chain.engine
     style = STYLES[precision]
     mechanism = engine.mechanism

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import warp as wp
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, positive_number, whole_number
+from ..arrays import Array, positive_number, require_word, whole_number
 from ..dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
 from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows, motor_gains
 from ..dynamics.quantities import Name, Quantity
@@ -86,8 +86,7 @@ class WarpBatch:
     """
 
     def __init__(self, reference: Reference, near: Array | None, device: Any, dtype: str) -> None:
-        if not isinstance(dtype, str) or dtype not in _PRECISIONS:
-            raise InputError("dtype", f"{dtype!r} is not one of {', '.join(_PRECISIONS)}")
+        require_word("dtype", dtype, _PRECISIONS)
         self._reference = reference
         self._mechanism = reference.mechanism
         self._near = near

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, of_samples, single_array
+from ..arrays import Array, finite_array, of_samples, require_flags, single_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits
 from ..engine import require_robot
@@ -206,6 +206,7 @@ def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
 
 def _rows(turning: bool) -> slice:
     """The angular or the linear rows of a frame's Jacobian."""
+    require_flags(turning=turning)
     return slice(3, 6) if turning else slice(0, 3)
 
 

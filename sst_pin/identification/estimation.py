@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Flags, finite_array, positive_number, whole_number
+from ..arrays import Array, Flags, finite_array, positive_number, require_flags, whole_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import InputError
@@ -152,6 +152,7 @@ def estimate(
     if np.abs(measured).max(initial=0.0) > _LARGEST:
         raise InputError("tau", f"torques up to {np.abs(measured).max():.2g}: squares overflow")
     require_base(chain, base)
+    require_flags(robust=robust)
     decimate = whole_number("decimate", decimate, 1)
     Y = chain.torque_regressor(q, va, aa)
     _require_enough(Y, measured, n, len(base), decimate)

@@ -17,6 +17,7 @@ from ..arrays import (
     finite_array,
     for_each_sample,
     names,
+    require_flags,
     single_array,
     whole_number,
 )
@@ -97,6 +98,7 @@ def assemble(
     """Configurations with closed loops near a guess; see `ClosedChain.assemble`."""
     tries = whole_number("tries", tries, 1)
     seed = whole_number("seed", seed, 0)
+    require_flags(limits=limits)
     mechanism = closer.loops.mechanism
     model = mechanism.model
     space = mechanism.space

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, require_instance, single_array
+from ..arrays import Array, finite_array, require_instance, require_word, single_array
 from ..control.pose_abilities import Ellipsoid
 from ..control.reach import ReachMap
 from ..control.reach_search import REASONS
@@ -150,10 +150,8 @@ def reach_map(
         '$x_0$ (m)'
     """
     require_instance("poses", poses, ReachMap)
-    if show not in _LABELS:
-        raise InputError("show", f"{show!r} unknown; known: {', '.join(_LABELS)}")
-    if axis not in ("", "x", "y", "z"):
-        raise InputError("axis", f"{axis!r} unknown; known: x, y, z")
+    require_word("show", show, _LABELS)
+    require_word("axis", axis, ("", "x", "y", "z"))
     if axis:
         s = poses.poses[..., :3, "xyz".index(axis)]
         points = equal_area(s, s.mean(axis=(0, 1)) if middle is None else middle)

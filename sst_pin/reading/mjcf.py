@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from ..arrays import in_order, names
+from ..arrays import in_order, names, require_flags
 from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..model.checks import Motor
@@ -52,6 +52,7 @@ def robot_file_of(
 
     With `contacts`, the contacts and ropes that nonsmooth rollouts can compute are read too.
     """
+    require_flags(contacts=contacts)
     compiled = Compiled(as_path(path), names("locked", locked))
     # The readers below add to the problems and the notes of `compiled`.
     compiled.problems += impossible_numbers(compiled)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import positive_number
+from ..arrays import positive_number, require_flags, require_word
 from ..errors import InputError
 
 #: Implicit integrators of SciPy, for stiff motions.
@@ -30,9 +30,8 @@ class Settings:
     max_step: float | None
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            problem = f"{self.method!r} unknown; known: {', '.join(METHODS)}"
-            raise InputError("method", problem)
+        require_word("method", self.method, METHODS)
+        require_flags(through_singularities=self.through_singularities)
         positive_number("rtol", self.rtol)
         positive_number("atol", self.atol)
         positive_number("max_condition_number", self.max_condition_number)

@@ -6,6 +6,7 @@ from importlib.util import find_spec
 
 from numpy.typing import ArrayLike
 
+from ..arrays import require_flags
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import InputError, MissingExtraError
@@ -39,6 +40,7 @@ def show(
 ) -> None:
     """Show a motion or a configuration; see `ClosedChain.show`, which has the same arguments."""
     require_robot("robot", robot)
+    require_flags(open_browser=open_browser)
     if isinstance(what, (Trajectory, NonsmoothRollout)):
         viewer.play(what, speed=speed, ghost=ghost)
     elif ghost is not None:

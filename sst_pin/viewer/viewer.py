@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, positive_number, single_array
+from ..arrays import Array, positive_number, require_flags, single_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..engine import require_robot
@@ -92,6 +92,7 @@ class Viewer:
         live: bool = False,
     ) -> None:
         require_robot("robot", robot)
+        require_flags(axes=axes, frames=frames, live=live)
         if not isinstance(reactions, bool | Mapping):
             raise InputError("reactions", f"{reactions!r} is no bool and no dict of stiffnesses")
         self._with_reactions = reactions is not False

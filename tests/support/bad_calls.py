@@ -21,7 +21,19 @@ NOT_REAL = (
 )  # fmt: skip
 NOT_NUMBERS = (*NOT_REAL, np.nan, [], [1.0, 2.0])
 NOT_COUNTS = (*NOT_REAL, "2", 1.5, np.nan, np.inf, [1], True, -1)
-NOT_NAMES = (None, 5, True, b"raise", np.array("nan"), ["x"], object(), "no such name", "")
+NOT_FLAGS = (None, "no", [], np.zeros(2))
+NOT_NAMES = (
+    None,
+    5,
+    True,
+    b"raise",
+    np.array("nan"),
+    ["x"],
+    object(),
+    "no such name",
+    "",
+    np.zeros(2),
+)
 NOT_LISTS_OF_NAMES = ("crank", 5, object(), ["no such name"], [None], [0], [["crank"]], [b"crank"])
 NOT_PATHS = (
     None, 5, "", ".", "/dev/null/a.csv", "a\0b.csv", b"a.csv", ["a.csv"],
@@ -30,6 +42,7 @@ NOT_PATHS = (
 BY_TYPE = {
     "float": NOT_NUMBERS,
     "int": NOT_COUNTS,
+    "bool": NOT_FLAGS,
     "str": NOT_NAMES,
     "Sequence[str]": NOT_LISTS_OF_NAMES,
     "Sequence[str] | Mapping[str, float]": (*NOT_LISTS_OF_NAMES, {"crank": "x"}, {"x": 0.1}),
