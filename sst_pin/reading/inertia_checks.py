@@ -152,11 +152,14 @@ def _sizes(root: ET.Element, bodies: Mapping[str, _Body]) -> Iterator[Problem]:
         radius = math.sqrt(moment / body.mass)
         if not radius:
             continue  # it underflows
-        is_too_small = size > _MAX_SIZE_RATIO * radius
-        is_too_large = radius > _MAX_SIZE_RATIO * largest_size > 0
-        if is_too_small or is_too_large:
-            text = f"joints {size:.3g} m apart, but a radius of gyration of {radius:.3g} m; URDF "
-            yield warning(f"link {name}", text + "needs m, kg and kg m^2")
+        if size > _MAX_SIZE_RATIO * radius:
+            joints = f"joints {size:.3g} m apart"
+        elif radius > _MAX_SIZE_RATIO * largest_size > 0:
+            joints = f"no link has joints more than {largest_size:.3g} m apart"
+        else:
+            continue
+        text = f"{joints}, but a radius of gyration of {radius:.3g} m; URDF needs m, kg and kg m^2"
+        yield warning(f"link {name}", text)
 
 
 def _body_problem(body: _Body, where: str, moves: bool) -> Iterator[Problem]:

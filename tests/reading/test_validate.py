@@ -156,16 +156,19 @@ def test_all_faults_are_told_at_once(found):
 
 
 @pytest.mark.parametrize(
-    ("place", "old", "new"),
+    ("place", "old", "new", "joints"),
     [
-        ("joint elbow_2a", 'xyz="0.15 0.04 0"', 'xyz="150 40 0"'),
-        ("link arm_2", 'iyy="0.00025" iyz="0" izz="0.00025"', 'iyy="250" iyz="0" izz="250"'),
+        ("joint elbow_2a", 'xyz="0.15 0.04 0"', 'xyz="150 40 0"', "joints 155 m apart"),
+        (
+            *("link arm_2", 'iyy="0.00025" iyz="0" izz="0.00025"', 'iyy="250" iyz="0" izz="250"'),
+            "no link has joints more than",
+        ),
     ],
 )
-def test_lengths_and_moments_in_other_units_are_told(found, place, old, new):
+def test_lengths_and_moments_in_other_units_are_told(found, place, old, new, joints):
     """The arm's length in mm, or its moments in kg mm^2."""
     (problem,) = found(edited(*place.split(), old, new), cuts="")
-    assert str(problem).startswith("warning: link arm_2: joints ")
+    assert str(problem).startswith(f"warning: link arm_2: {joints}")
     assert "URDF needs m, kg" in str(problem)
 
 
