@@ -122,6 +122,7 @@ function engine(functions, data) {
     contactForces: [],
   };
 
+  // Back to the first state; `start` has to follow.
   function reset() {
     robot.q = data.q.slice();
     robot.va = data.va.slice();
@@ -247,7 +248,7 @@ function engine(functions, data) {
     return robot.va.map((_, k) => velocityOf(grip, robot.q, ratesFor(k)));
   }
 
-  // A x = b with three rows, by Cramer's rule.
+  // A x = b with three rows and a symmetric A, by Cramer's rule: its rows are also its columns.
   function solvedByCramer(A, b) {
     const dot = (x, y) => x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
     const cross = (x, y) =>
