@@ -47,6 +47,9 @@ from .guesses import displacement, home_of
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
+# The robots of test_rounded_numbers are corrected as well with a third and three times `_GAP` and
+# `_FAR`, with a tenth and ten times `_NOISE`, and with 0.1 and 0.5 for `_MANY`.
+
 #: Widths of random displacements until the loops close, [rad] or lengths of the loop. The first try
 #: starts from home or `pin.neutral`, each further one from the pose of the last.
 _STARTS = np.linspace(0.0, 2.0, 21)
@@ -66,7 +69,8 @@ _FAR = 10 * ROUNDED_PLACEMENTS
 _STEPS = 12
 #: It ends at this gap.
 _CLOSED = 1e-14
-#: Singular values of its equations count as zero below this part of the largest one.
+#: Singular values of its equations count as zero below this part of the largest one: smaller ones
+#: are rounding. With 1e-11, the correction of a scissor depends on the unit of length.
 _LEAST = 1e-9
 #: They count as zero also below this multiple of the gap, as the equations are wrong by about the
 #: gap.
