@@ -16,6 +16,7 @@ import pinocchio as pin
 from ..errors import DescriptionError
 from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
+from .joint_numbers import FAR
 from .problems import Problem, number, numbers, warning
 
 #: Joints in series by the suffixes of their names; the name without suffix is that of the joint in
@@ -51,7 +52,8 @@ def with_kinds(
     """The tree of a URDF with the true kinds of some joints.
 
     The joints that replace a joint have its friction. A joint that turns about the axis of the
-    replaced one has its limits too.
+    replaced one has its limits too. The rate of a ball about this axis has those of effort and
+    velocity.
 
     Args:
         model: The tree, with joints of one axis.
@@ -72,9 +74,13 @@ def with_kinds(
             rates = slice(part.idx_v, part.idx_v + part.nv)
             result.damping[rates] = model.damping[replaced.idx_v]
             result.friction[rates] = model.friction[replaced.idx_v]
-            sense = _sense(root, name, suffix)
-            if sense:
-                _put_limits(result, part, model, replaced, sense)
+            for rate, axis in enumerate(_axes(suffix), part.idx_v):
+                sense = _sense(root, name, axis)
+                if sense:
+                    result.effortLimit[rate] = model.effortLimit[replaced.idx_v]
+                    result.velocityLimit[rate] = model.velocityLimit[replaced.idx_v]
+                    if part.nq == 1:
+                        _put_ends(result, part, model, replaced, sense)
     return result
 
 
@@ -94,15 +100,19 @@ def _require_new_names(
 _SAME_AXIS = 1e-9
 
 
-def _sense(root: ET.Element, joint: str, suffix: str) -> int:
-    """How a part with a suffix turns about the axis that its joint has in the URDF.
+def _axes(suffix: str) -> str:
+    """The axes about which the rates of a part with a suffix turn: a ball has no suffix."""
+    return suffix.removeprefix("_") or "XYZ"
 
-    1 means along this axis, -1 against it, 0 about another axis.
+
+def _sense(root: ET.Element, joint: str, axis_name: str) -> int:
+    """How an axis X, Y or Z of its frame lies to the axis that a joint has in the URDF.
+
+    1 means along this axis, -1 against it, 0 otherwise.
     """
     axis = root.find(f"joint[@name='{joint}']/axis")
     direction = numbers("1 0 0" if axis is None else axis.get("xyz", ""), 3)
-    axis_name = suffix.removeprefix("_")
-    if direction is None or axis_name not in _TURNS:
+    if direction is None:
         return 0
     cosine = direction["XYZ".index(axis_name)] / np.linalg.norm(direction)
     if abs(cosine) <= 1 - _SAME_AXIS:
@@ -110,8 +120,8 @@ def _sense(root: ET.Element, joint: str, suffix: str) -> int:
     return int(np.sign(cosine))
 
 
-def _put_limits(result: pin.Model, part: Any, model: pin.Model, replaced: Any, sense: int) -> None:
-    """Give a part of `result` the limits that the replaced joint has in `model`.
+def _put_ends(result: pin.Model, part: Any, model: pin.Model, replaced: Any, sense: int) -> None:
+    """Give a part of `result` the limits of the position that the replaced joint has in `model`.
 
     If the part turns against the axis, with the sense -1, its position has the opposite sign.
     """
@@ -119,8 +129,6 @@ def _put_limits(result: pin.Model, part: Any, model: pin.Model, replaced: Any, s
     end_2 = sense * model.upperPositionLimit[replaced.idx_q]
     result.lowerPositionLimit[part.idx_q] = min(end_1, end_2)
     result.upperPositionLimit[part.idx_q] = max(end_1, end_2)
-    result.effortLimit[part.idx_v] = model.effortLimit[replaced.idx_v]
-    result.velocityLimit[part.idx_v] = model.velocityLimit[replaced.idx_v]
 
 
 def lost_limits(
@@ -136,15 +144,23 @@ def lost_limits(
         if limit is None or not suffixes:
             continue
         names = [name + suffix for suffix in suffixes]
-        has_axis = any(_sense(root, name, suffix) for suffix in suffixes)
-        if has_axis or not with_other_limits.isdisjoint(names):
+        if not with_other_limits.isdisjoint(names):
             continue
+        has_axis = any(_sense(root, name, axis) for suffix in suffixes for axis in _axes(suffix))
+        is_ball = suffixes == [""]
+        lost = list[str]()
         lower = number(limit, "lower") or 0.0
         upper = number(limit, "upper") or 0.0
         # Limits of half a turn to both sides exclude no orientation.
-        if lower > -np.pi or upper < np.pi:
-            text = f"its limits of {lower:g} to {upper:g} are not used: it is {kind} in the "
-            text += "YAML and has no such axis"
+        if (lower > -np.pi or upper < np.pi) and (is_ball or not has_axis):
+            lost.append(f"of {lower:g} to {upper:g}")
+        for key in ("effort", "velocity"):
+            value = number(limit, key) or 0.0
+            if 0 < value < FAR and not has_axis:  # zero is no limit
+                lost.append(f"{key} {value:g}")
+        if lost:
+            text = f"its limits {', '.join(lost)} are not used: it is {kind} in the YAML and has "
+            text += "no such axis"
             if len(names) > 1:
                 text += f"; write joint_limit: {{{names[0]}: {{lower: .., upper: ..}}}}"
             yield warning(f"joint {name}", text)

@@ -175,7 +175,7 @@ UNIVERSAL = "name_mot: [hinge_Y]\njoint_type: {{hinge: universal {}}}\n{}"
     [
         ("xy", "", {"hinge_Y": (-2, 3)}, ""),
         ("zy", "", {"hinge_Y": (-2, 3)}, ""),
-        ("xz", "", {}, "its limits of -2 to 3 are not used"),
+        ("xz", "", {}, "its limits of -2 to 3, effort 1, velocity 1 are not used"),
         ("xz", "joint_limit: {hinge_X: {lower: -1, upper: 1}}\n", {"hinge_X": (-1, 1)}, ""),
         ("xy", "joint_limit: {hinge_Y: {upper: 1}}\n", {"hinge_Y": (-2, 1)}, ""),
     ],
@@ -195,3 +195,31 @@ def test_limits_of_a_universal_joint_stay_with_their_axis(tmp_path, axes, more, 
     assert [told in str(warning.message) for warning in caught] == ([True] if told else [])
     problems = [p.text for p in sst_pin.validate(path) if p.where == "joint hinge"]
     assert len(problems) == bool(told)
+
+
+@pytest.mark.parametrize(
+    ("kind", "axis", "kept", "told"),
+    [
+        ("ball", "0 1 0", {"hinge_wy"}, ""),
+        ("ball", "0 1 1", set(), "joint hinge: its limits effort 7, velocity 5 are not used"),
+        ("universal XY", "0 -1 0", {"hinge_Y"}, ""),
+        ("universal XZ", "0 1 0", set(), "joint hinge: its limits effort 7, velocity 5 are not"),
+    ],
+)
+def test_limits_of_effort_and_velocity_stay_with_their_axis_or_are_named(
+    tmp_path, kind, axis, kept, told
+):
+    """Half a turn to both sides, which is no limit of the position."""
+    path = tmp_path / "r.urdf"
+    wide = '<limit lower="-3.2" upper="3.2" effort="7" velocity="5"/>'
+    hinge = joint("hinge", "base", "arm", inside=wide).replace("0 1 0", axis)
+    path.write_text(f'<robot name="r">{link("base", "")}{link("arm")}{hinge}</robot>')
+    path.with_suffix(".yaml").write_text(f"name_mot: []\njoint_type: {{hinge: {kind}}}\n")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        robot = sst_pin.ClosedChain.from_urdf(path)
+    model = robot.model
+    for numbers, limit in ((model.effortLimit, 7), (model.velocityLimit, 5)):
+        named = zip(robot.rate_names, numbers, strict=True)
+        assert {name for name, value in named if value == limit} == kept
+    assert [told in str(warning.message) for warning in caught] == ([True] if told else [])
