@@ -46,7 +46,7 @@ typedef struct {
 typedef struct {
     const number *friction, *restitution; /* of contacts */
     const number *offsets; /* of contacts and ropes: the gaps are the terms less these */
-    /* of cables; on_cables, shape (cables, motors), is the pull of each motor per effort */
+    /* of cables; on_cables, shape (cables, motors), is the push of each motor per effort */
     const number *line_stiffness, *rest_lengths, *line_damping, *preload, *on_cables;
     const number *limits;              /* of stops */
     const number *coulomb;             /* of dry friction */
@@ -234,14 +234,14 @@ INLINED void set_cables(
     const numbers_of_robot *numbers = &b->numbers;
     for (int k = 0; k < robot->cables; k++) {
         const number stretch = b->terms[robot->at_lengths + k] - numbers->rest_lengths[k];
-        const number *pull = numbers->on_cables + k * robot->motors;
+        const number *push = numbers->on_cables + k * robot->motors;
         number tension = numbers->preload[k] + numbers->line_stiffness[k] * stretch;
         number stiffness = numbers->line_stiffness[k], damping = numbers->line_damping[k];
         for (int j = 0; j < robot->motors; j++) {
             const int motor = first_motor(robot) + j;
-            tension -= pull[j] * effort[j];
-            stiffness += pull[j] * pull[j] * numbers->stiffness[motor];
-            damping += pull[j] * pull[j] * numbers->damping[motor];
+            tension -= push[j] * effort[j];
+            stiffness += push[j] * push[j] * numbers->stiffness[motor];
+            damping += push[j] * push[j] * numbers->damping[motor];
         }
         const int i = first_cable(robot) + k, row = robot->impulse_row[i];
         if (stiffness + damping > 0) {
