@@ -4,8 +4,11 @@
 The long form assembles every term of Eq. (92) from K, T, M and Omega. The short form is the same
 equation with v = L va and v_dot = L aa + L_dot va in the inverse dynamics of the tree:
 f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), where tau^f and tau^s include the forces along
-lines. `pin.rnea` is the decoupled form K = N_l N_d of [5, 6] as recursions: N_d and N_l forward,
-N_l^T and N_d^T backward.
+lines.
+
+The paper's decoupled form [5, 6] is K = N_l N_d: N_d gives the twist of each body relative to its
+parent, and N_l adds the twists of all bodies before it; see `noc.decoupled`. `pin.rnea` is this
+form as recursions: from the base to the ends N_d and N_l, back to the base N_l^T and N_d^T.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
 from ..summaries import Summary, as_html, as_text
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
 
-#: Gravity by which each body contributes at least its weight, [m/s^2].
+#: In `force_sizes`, each body contributes at least its weight with this gravity, [m/s^2].
 _EARTH = 9.81
 
 
@@ -180,7 +183,7 @@ class Context:
         return B + J.T.dot(on_lines)
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
-        """Inverse dynamics of the tree at the current q, shape (nv,), by N_l and N_l^T.
+        """Inverse dynamics of the tree at the current q, shape (nv,), by recursions.
 
         Masses that move with the lengths of lines are part of the tree.
         """
@@ -260,8 +263,8 @@ def inverse_dynamics(
 ) -> Array:
     """Generalised forces f of a motion, shape (n,), by the short form of Eq. (92).
 
-    `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [force;
-    moment] on each body at its mass centre, base axes, shape (r, 6), or None.
+    `pin.rnea` forms no K. `wrenches` are external [force; moment] on each body at its mass centre,
+    base axes, shape (r, 6), or None.
     """
     v, v_dot = context.complement.motion(q, va, aa)
     applied = applied_forces(context, context.mechanism.friction, q, v, wrenches)
@@ -271,8 +274,9 @@ def inverse_dynamics(
 def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
     """Sum of the sizes of all forces in each coordinate, shape (n,).
 
-    They are an upper bound: directions are ignored, each turn moves mass centres by the length of
-    the robot, and each body has at least its weight on Earth.
+    Forces may cancel; these sizes tell which sums are rounding. They are an upper bound: directions
+    are ignored, each turn moves mass centres by the length of the robot, and each body has at least
+    its weight on Earth.
     """
     mechanism = context.mechanism
     model = mechanism.model
@@ -317,15 +321,15 @@ def direct_dynamics(
 ) -> tuple[Array, Array]:
     """Accelerations of the coordinates from Eq. (92), and v = L va; loops open up to `tolerance`.
 
-    `pin.rnea` (N_l forward, N_l^T backward) computes the bias forces. `friction` replaces that of
-    the mechanism.
+    `pin.rnea` computes the bias forces. `friction` replaces that of the mechanism.
     """
     v, bias = context.complement.motion(q, va, context.steady, tolerance)
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
     L = context.complement.L
     inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)
-    # A coordinate is massless if its inertia is negligible beside that of all bodies at the sum of
-    # the squared rates that it moves, free of units.
+    # A coordinate is massless if its inertia is negligible beside that of all bodies, each at the
+    # distance of the robot's length, for the sum of the squared rates, free of units, that the rate
+    # 1 of the coordinate causes.
     squared_rates = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
     aa = solved(inertia, force.dot(L), WITHOUT_MASS * context.whole_inertia * squared_rates)
     if aa is None:
