@@ -24,9 +24,10 @@ from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NU
 from ..model.weight_shares import WeightShares
 from ..summaries import listed
 
-#: Up to this condition number k, normal equations are as precise as singular values: their error is
-#: about k^2 eps for numbers that are rounded to eps, and Newton's step squares it. For k < eps^-1/3
-#: this is less than k eps, the error of an inverse by any method.
+#: Up to this condition number k, normal equations are as precise as singular values. For numbers
+#: that are rounded to eps, the relative error of their inverse is about k^2 eps. The step of
+#: Newton's method in `_invert` squares it: k^4 eps^2. For k < eps^-1/3 = 1.7e5 this is less than
+#: k eps, the error of an inverse by any method.
 _NORMAL_EQUATIONS = 1e5
 
 
@@ -77,8 +78,9 @@ class JointComplement:
             _Block(mechanism, *part) for part in connected(loops.touched[:, mechanism.dependent])
         ]
         self.inverse = np.zeros(loops.touched.T.shape)
-        pivots = sum(len(b.rates) for b in self.blocks if len(b.rows) == len(b.rates))
-        self._redundant = pivots < len(loops.touched)
+        # No row of a square block is redundant; others are.
+        in_square_blocks = sum(len(b.rates) for b in self.blocks if len(b.rows) == len(b.rates))
+        self._redundant = in_square_blocks < len(loops.touched)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute L at q; the loops must be closed up to a tolerance."""
@@ -101,8 +103,8 @@ class JointComplement:
     def require_accelerations(self, v: Array, v_dot: Array, drift: Array) -> None:
         """Check Eq. (8), Phi v_dot + Phi_dot v = 0, in redundant rows too; drift is Phi_dot v.
 
-        Where only velocities fit the closures, as in the pose in which a braced frame shakes, no
-        accelerations do: nothing moves there.
+        At some poses velocities satisfy the rows and accelerations do not, as where a braced frame
+        shakes. The robot cannot move there.
         """
         if not self._redundant:
             return
@@ -111,6 +113,7 @@ class JointComplement:
         left = (loops.Phi.dot(v_dot) + drift) * self._row_scale
         rates = v / mechanism.rate_scale
         accelerations = v_dot / mechanism.rate_scale
+        # Phi_dot v is quadratic in the rates, and Phi v_dot linear in the accelerations.
         size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
         if left.dot(left) <= (self._least_slack * size) ** 2:
             return  # sufficient, as in `_require_rates`
@@ -191,7 +194,7 @@ class JointComplement:
         """Raise the error; blocks with smaller singular values than `least` are singular."""
         mechanism = self._mechanism
         verdicts = zip(self.blocks, self._smallest, strict=True)
-        loose = [rate for block, pivot in verdicts if not pivot > least for rate in block.rates]
+        loose = [rate for block, size in verdicts if not size > least for rate in block.rates]
         scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
         names = listed(mechanism.coordinate_rate_names)
         why = f"the closures hold the coordinates {names} themselves"
@@ -271,9 +274,9 @@ def _inverse_by_least_squares(A: Array) -> tuple[Array, tuple[float, float]]:
 class Bodies(NamedTuple):
     """Jacobians and inertias of all r bodies."""
 
-    #: t = K q_dot, shape (6 r, m), Eqs. (11), (12).
+    #: t = K v, shape (6 r, nv), Eqs. (11), (12).
     K: Array
-    #: Its rate, shape (6 r, m), Eq. (15).
+    #: Its rate, shape (6 r, nv), Eq. (15).
     K_dot: Array
     #: Stacked mass matrix, shape (6 r, 6 r), Eqs. (67), (69).
     M: Array
