@@ -107,7 +107,7 @@ class Loops:
     def Phi(self) -> Array:
         """Jacobian of f, Eqs. (3), (4), shape (rows, nv): Phi v = 0.
 
-        The rows of two frames are W [J_B; J_A].
+        The rows of two frames are W [J_B; J_A], where W is [W_B, -W_A], the wrenches of the rows.
         """
         if self._Phi is None:
             self._Phi = np.zeros(self.touched.shape)
@@ -123,11 +123,11 @@ class Loops:
         The rows of two frames are W_dot [J_B; J_A] + W [J_dot_B; J_dot_A].
         """
         rates = self.tree.S.dot(v)
-        twists_of_rates = (self._J * rates).T
+        twists_of_rates = (self._J * rates).T  # each row is the twist by one rate
         J_dot = self._jacobian_rate(rates)
         Phi_dot = np.zeros(self.touched.shape)
         for rows, pair, W in zip(self.of_frames, self._pairs, self._wrenches(), strict=True):
-            t_B, t_A = rows.twists(twists_of_rates)
+            t_B, t_A = rows.twists(twists_of_rates)  # sums over the rates that move B and A
             W_dot = rows.formulas.W_dot(pair, W, t_B, t_A)
             by_W_dot = W_dot.dot(rows.jacobians(self._J))
             Phi_dot[rows.at] = by_W_dot + W.dot(rows.jacobians(J_dot))
