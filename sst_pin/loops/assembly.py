@@ -294,8 +294,15 @@ class Assembly:
         # Joints whose coordinate is one number, which may contain many turns.
         entries, rates = self.mechanism.space.plain
         turns = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
-        distances = self.loops.largest_coordinates * self.mechanism.row_scale
-        return 4 * _ROUNDING * (turns + distances)  # f is the sum of several rounded terms
+        # f is the sum of several rounded terms.
+        return 4 * (_ROUNDING * turns + self._rounding_of_positions())
+
+    def _rounding_of_positions(self) -> Array:
+        """Rounding of the positions of the frames of each row, free of units, shape (rows,).
+
+        It counts for rows of turns too: where rows are redundant, they share the errors.
+        """
+        return _ROUNDING * self.loops.largest_coordinates / self.mechanism.row_lengths
 
     def _not_closed(self, q: Array, open_rows: Indices, limits: JointLimits | None) -> ClosureError:
         """The error for loops that stay open at q."""
@@ -322,7 +329,7 @@ class Assembly:
         key = free.tobytes()
         if key not in self._groups_of_free:
             self._groups_of_free[key] = self._indices_of_groups(free)
-        rounding = _ROUNDING * self.loops.largest_coordinates * self.mechanism.row_scale
+        rounding = self._rounding_of_positions()
         groups = list[_Group]()
         for rows, rates in self._groups_of_free[key]:
             least = max(_POLISHED, float(rounding[rows].max(initial=0.0)))

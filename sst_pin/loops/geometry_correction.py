@@ -439,19 +439,8 @@ class _Robot:
         return np.tile(np.repeat([length, 1.0], 3), len(places))
 
     def _per_length(self, part: _Part) -> float:
-        """One over the length of the loops of a part, [1/m].
-
-        It is the scale of their rows in metres, or that of the robot if all rows are in radians.
-        """
-        is_length = list[bool]()
-        for closure in self.mechanism.closures:
-            # A coupling or a brake has the unit of its joint.
-            of_joint = self.mechanism.rate_of(closure) is not None
-            for row in closure.rows:
-                is_length.append(not of_joint and not row.startswith("turn"))
-        in_metres = part.rows[np.array(is_length)[part.rows]]
-        per_length = self.mechanism.row_scale[in_metres]
-        return float(per_length.max(initial=1 / self.mechanism.length))
+        """One over the length of the loops of a part, [1/m]."""
+        return float(1 / self.mechanism.row_lengths[part.rows].min())
 
     def rounding(self, q: Array, part: _Part) -> float:
         """Size of the rounding of a part, [rad] or lengths of the loop.

@@ -336,15 +336,20 @@ class Mechanism:
         return groups
 
     @cached_property
+    def _length_of_closure(self) -> dict[Constraint, float]:
+        """The length of the loops of each closure, [m]."""
+        lengths: dict[Constraint, float] = {}
+        for group, length in self._groups:
+            for closure in group.closures:
+                lengths[closure] = length or self.length
+        return lengths
+
+    @cached_property
     def row_scale(self) -> Array:
         """Factors that make the rows of Phi free of units, shape (rows,).
 
         Phi without units is row_scale[:, None] * Phi * rate_scale.
         """
-        length_of_closure: dict[Constraint, float] = {}
-        for group, length in self._groups:
-            for closure in group.closures:
-                length_of_closure[closure] = length or self.length
         units: list[float] = []
         for closure in self.closures:
             rate = self.rate_of(closure)
@@ -353,8 +358,16 @@ class Mechanism:
                 continue
             for row in closure.rows:
                 is_rotation = row.startswith("turn")
-                units.append(1.0 if is_rotation else length_of_closure[closure])
+                units.append(1.0 if is_rotation else self._length_of_closure[closure])
         return read_only(1 / np.array(units))
+
+    @cached_property
+    def row_lengths(self) -> Array:
+        """Length of the loops of each row, also if the row is in radians, shape (rows,), [m]."""
+        lengths = list[float]()
+        for closure in self.closures:
+            lengths += [self._length_of_closure[closure]] * len(closure.rows)
+        return read_only(np.array(lengths, dtype=float))
 
     @cached_property
     def rate_scale(self) -> Array:

@@ -435,23 +435,26 @@ def test_each_loop_has_its_own_scale(digits):
     assert (off < EXPLAINED * rounding + 1e-9).all()
 
 
-@pytest.mark.parametrize("name", ["four-bar with hinge", "scissor"])
-def test_a_correction_in_millimetres_is_that_in_metres(name):
-    """Rows in radians have no unit, so that they do not tell how long a loop is."""
+@pytest.mark.parametrize(
+    ("name", "per_metre"),
+    [("four-bar with hinge", 1e3), ("scissor", 1e3), ("four-bar with hinge", 1e6)],
+)
+def test_a_correction_in_other_units_is_that_in_metres(name, per_metre):
+    """Rows in radians have no unit: they tell neither a length nor the rounding of positions."""
     exact = drawn_by_cad(ROBOTS[name]())
     model = with_digits(exact.model, 5)
     others = exact.closures, exact.motor_names
     in_metres, _ = with_warnings(ClosedChain, model, *others)
-    in_millimetres, records = with_warnings(ClosedChain, in_units(model, 1000.0), *others)
+    chain, records = with_warnings(ClosedChain, in_units(model, per_metre), *others)
     assert len(records) == 1
-    expected = in_units(in_metres.model, 1000.0)
-    pairs = zip(in_millimetres.model.jointPlacements, expected.jointPlacements, strict=True)
+    expected = in_units(in_metres.model, per_metre)
+    pairs = zip(chain.model.jointPlacements, expected.jointPlacements, strict=True)
     corrections = zip(model.jointPlacements, in_metres.model.jointPlacements, strict=True)
     largest = max(np.abs(pin.log6(a.actInv(b)).angular).max() for a, b in corrections)
     assert largest > 1e-7  # the axes were tilted
     for a, b in pairs:
         assert_allclose(a.rotation, b.rotation, atol=1e-4 * largest)
-        assert_allclose(a.translation, b.translation, atol=1e-4 * largest * 1000)
+        assert_allclose(a.translation, b.translation, atol=1e-4 * largest * per_metre)
 
 
 def test_a_hexapod_that_is_rigid_and_almost_singular_is_not_rounded():
