@@ -26,8 +26,10 @@ from .urdf_defaults import WIDE, add_defaults
 #: Elements of a joint that a fixed joint can have, and those of a joint that moves.
 _OF_FIXED_JOINTS = ("origin", "parent", "child")
 _OF_JOINTS = (*_OF_FIXED_JOINTS, "axis", "limit", "dynamics")
-#: Moving joints at most: Pinocchio's data have arrays with the cube of their number, 4 GB here.
+#: Largest number of moving joints. Pinocchio's data have arrays with the cube of it: some 4 GB.
 MOST_JOINTS = 400
+#: Least similarity, from 0 to 1, of a name to one that is proposed for it: four of five letters.
+_SIMILAR = 0.8
 
 
 class Urdf:
@@ -85,6 +87,7 @@ class Urdf:
         """A coupling for each joint that mimics another: multiplier and offset."""
         couplings = list[Coupling]()
         for mimic in mimics_of(self.root):
+            # The coefficients of q^0 and q^1 of the leader.
             polynomials = {mimic.leader: (0.0, float(mimic.multiplier))}
             couplings.append(Coupling(mimic.follower, polynomials, float(mimic.offset)))
         return tuple(couplings)
@@ -153,7 +156,7 @@ class Urdf:
             if name in names:
                 continue
             text = f"joint {name} is missing"
-            similar = get_close_matches(name, names, 1, 0.8)
+            similar = get_close_matches(name, names, 1, _SIMILAR)
             if similar:
                 text += f"; {similar[0]} is meant?"
             yield text
