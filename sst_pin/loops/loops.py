@@ -208,7 +208,10 @@ class Loops:
         return largest
 
     def frame_jacobian(self, frame: int) -> Array:
-        """[linear; angular] of a frame, world axes at its origin, shape (6, nv)."""
+        """[linear; angular] of a frame, world axes at its origin, shape (6, nv).
+
+        Frames have the same index in the model and in its normal tree.
+        """
         J = pin.getFrameJacobian(self.tree.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return J.reshape(6, -1).dot(self.tree.S)
 
