@@ -9,9 +9,10 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..former_names import FormerName
+from ..model.closures import Distance
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, RESTS
-from ..model.tree import joint_id
+from ..model.tree import frame_id, joint_id
 from ..summaries import as_html, listed
 from .coordinate_choice import choose_coordinates
 from .line_kinematics import LineKinematics
@@ -194,8 +195,10 @@ def idle_rates(mechanism: Mechanism, loops: Loops, q: Array, rows: Array) -> tup
     """
     space = mechanism.space
     passive = _passive_joints(mechanism, loops)
-    # A platform on rods is a joint without a motor, but motors on lines hold it.
-    rows = np.vstack([rows, motor_rates(mechanism, q, np.eye(len(space.rate_names)))])
+    # A body on rods or with a cylinder may be the only joint that moves. But it moves them too: it
+    # is the robot, and no part that rotates freely.
+    of_motors = motor_rates(mechanism, q, np.eye(len(space.rate_names)))
+    rows = np.vstack([rows, of_motors, _rates_of_rods_and_lines(mechanism, loops)])
     idle = list[int]()
 
     # One ball is a joint of the tree, the other one is a closure: the rates of one joint suffice.
@@ -239,6 +242,23 @@ def _idle_among(rates: list[int], rows: Array) -> list[int]:
         return []
     _, order = qr(motions.T, mode="r", pivoting=True)
     return sorted(rates[k] for k in order[: motions.shape[1]])
+
+
+def _rates_of_rods_and_lines(mechanism: Mechanism, loops: Loops) -> Array:
+    """Velocities between both ends of rods (`Distance`) and lines, free of units, shape (k, nv).
+
+    The configuration is that of the loops.
+    """
+    ends = [(line.frame_a, line.frame_b) for line in mechanism.lines.forces]
+    for closure in mechanism.closures:
+        if isinstance(closure, Distance):
+            ends.append((closure.frame_a, closure.frame_b))
+    rows = [np.zeros((0, mechanism.model.nv))]
+    for names in ends:
+        end_a, end_b = (frame_id(loops.tree.model, name) for name in names)
+        J = loops.frame_jacobian(end_b)[:3] - loops.frame_jacobian(end_a)[:3]
+        rows.append(J * mechanism.rate_scale / mechanism.length)
+    return np.vstack(rows)
 
 
 def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:

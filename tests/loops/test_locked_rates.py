@@ -196,6 +196,21 @@ def test_a_body_that_a_cylinder_moves_does_not_rotate_freely():
         mark(model, plate, f"{name}_eye", at(x, 0.2))
     rods = [sst_pin.Distance(f"{name}_hook", f"{name}_eye", 0.8) for name in ("left", "right")]
     cylinder = sst_pin.LineForce("foot", "left_eye", name="cylinder")
-    mobility = ClosedChain(model, rods, ["cylinder"], lines=[cylinder]).mobility()
-    assert (mobility.degrees_of_freedom, mobility.sufficient) == (1, True)
-    assert mobility.idle_joints == ()
+    for motors in ([], ["cylinder"]):
+        mobility = ClosedChain(model, rods, motors, lines=[cylinder]).mobility()
+        assert (mobility.degrees_of_freedom, mobility.held) == (1, len(motors))
+        assert mobility.idle_joints == ()
+
+
+def test_a_door_on_two_balls_that_a_cylinder_moves_does_not_rotate_freely():
+    """Without the cylinder, it does: nothing else moves."""
+    model = pin.Model()
+    door = add(model, 0, pin.JointModelSpherical(), "door", at(), pin.Inertia.FromSphere(1.0, 0.1))
+    mark(model, 0, "foot", at(-1.0, 0.5))
+    mark(model, 0, "top", at(0.0, 0.0, 1.0))
+    mark(model, door, "eye", at(0.0, 0.0, 1.0))
+    mark(model, door, "handle", at(0.6, 0.2))
+    cylinder = sst_pin.LineForce("foot", "handle", name="cylinder")
+    for lines, idle in (([], ("door_wz",)), ([cylinder], ())):
+        mobility = ClosedChain(model, [Closure("top", "eye", "3d")], [], lines=lines).mobility()
+        assert (mobility.degrees_of_freedom, mobility.idle_joints) == (1, idle)
