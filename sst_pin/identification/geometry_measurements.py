@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, as_array, finite_array, positive_number
+from ..arrays import Array, as_array, finite_array, positive_number, require_flags
 from ..errors import InputError
 from ..loops.frame_guide import rotations
 from ..loops.vectors import skew
@@ -97,6 +97,9 @@ class Measurement(ABC):
     unknown_target: bool = False
     name: str = "measured"
     start: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        require_flags(unknown_base=self.unknown_base, unknown_target=self.unknown_target)
 
     @property
     def reference(self) -> str:

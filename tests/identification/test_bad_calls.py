@@ -33,3 +33,10 @@ def test_functions_refuse_bad_arguments(name):
     # A motion for base parameters is a tuple of arrays there.
     free = {"motion"} if name == "base_parameters" else ()
     assert faults(getattr(identification, name), good_arguments(), free) == []
+
+
+@pytest.mark.parametrize("name", ["unknown_base", "unknown_target"])
+@pytest.mark.parametrize("value", [None, "no", np.zeros(2)])
+def test_what_is_unknown_of_a_measuring_system_is_true_or_false(name, value):
+    with pytest.raises(sst_pin.InputError, match=f"^{name}: .* True or False"):
+        identification.Heights("coupler", np.zeros((3, 1)), heights=np.zeros(3), **{name: value})
