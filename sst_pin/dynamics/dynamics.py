@@ -333,6 +333,9 @@ def direct_dynamics(
     squared_rates = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
     aa = solved(inertia, force.dot(L), WITHOUT_MASS * context.whole_inertia * squared_rates)
     if aa is None:
+        if not np.isfinite(inertia).all():
+            problem = "the mass matrix has entries that are not finite numbers"
+            raise SingularConfigurationError(problem, float("inf"))
         values = np.linalg.eigvalsh(inertia)
         why = "a coordinate moves no mass at this configuration"
         if values[0] < -ROUNDING * np.abs(values).max():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.dynamics.dynamics import Friction
+from sst_pin.dynamics.dynamics import Context, Friction
 from tests.support.files import load
 from tests.support.sampling import random_parameters, random_state
 
@@ -94,3 +94,10 @@ def test_friction_of_every_joint_reaches_the_motors(robot):
         q_dot = rubbing.joint_rates(q, va)
         expected = L.T @ (D * q_dot + F * np.sign(q_dot))
         assert np.abs(rubbing.compute_torques(q, va, aa) - bare - expected).max() < 1e-12
+
+
+def test_a_mass_matrix_that_is_not_finite_is_an_error_with_its_reason(monkeypatch):
+    chain = sst_pin.robots.four_bar()
+    monkeypatch.setattr(Context, "tree_inertia", lambda self: np.full((3, 3), np.nan))
+    with pytest.raises(sst_pin.SingularConfigurationError, match="not finite numbers"):
+        chain.compute_accelerations(chain.home, [0.0], [0.0])
