@@ -16,8 +16,8 @@ from .urdf_writer import numbers
 
 #: URDF demands a largest velocity; this or a larger one stands for none, [rad/s] or [m/s].
 _FAST = 1e3
-#: Largest entry of the quaternion at which the spring of a ball is relaxed that counts as zero:
-#: rounding of a few products.
+#: Entries x, y and z up to this size count as zero in the quaternion at which the spring of a ball
+#: is relaxed. They have the rounding of a few products of numbers up to 1, some 1e-16 each.
 _REST_ROUNDING = 1e-12
 
 
@@ -46,7 +46,8 @@ def joint_problems(mechanism: Mechanism, joint: MjcfJoint) -> Iterator[str]:
     has_spring = mechanism.springs.stiffness[joint.rates].any()
     if joint.kind == "ball" and has_spring:
         at_rest = joint.qpos(mechanism.springs.reference)  # w, x, y, z
-        if np.abs(at_rest - [1, 0, 0, 0]).max() > _REST_ROUNDING:
+        # [-1, 0, 0, 0] is the orientation zero too.
+        if np.abs(at_rest[1:]).max() > _REST_ROUNDING:
             yield f"joint {joint.name}: a spring of a ball can be relaxed at zero only"
 
 

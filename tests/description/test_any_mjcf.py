@@ -175,6 +175,19 @@ def test_what_mjcf_cannot_say_is_named(words, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_ball_is_relaxed_at_zero_by_both_quaternions_of_zero(tmp_path):
+    model = any_chain.with_joint("spherical").model
+    stiffness = np.zeros(model.nv)
+    stiffness[:3] = 3.0
+    rest = pin.neutral(model)
+    rest[3] = -1.0  # x, y, z, w
+    model.armature = none = np.zeros(model.nv)
+    options = {"viscous_friction": none, "coulomb_friction": none, "stiffness": stiffness}
+    chain = sst_pin.ClosedChain(model, [], [], spring_reference=rest, **options)
+    sst_pin.write_mjcf(chain, tmp_path / "robot.xml")
+    assert sst_pin.ClosedChain.from_mjcf(tmp_path / "robot.xml").mechanism.springs.stiffness.any()
+
+
 def test_what_is_written_otherwise_is_told(tmp_path):
     """A cross without mass between two hinges, with a frame, and a shape that MuJoCo has not."""
     model, body = pin.Model(), pin.Inertia.FromSphere(1.0, 0.1)
