@@ -44,6 +44,8 @@ def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
         folders = (folder, *folder.resolve().parents)
         paths = [base / package / path_in_package for base in folders]
     else:
+        if name.startswith("file://"):
+            yield note(where, "meshes by file://: not resolved by MuJoCo; use relative paths")
         path = name.removeprefix("file://")
         paths = [folder / path]
         if Path(path).is_absolute():

@@ -45,6 +45,7 @@ MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 SPHERE = '<visual><geometry><sphere radius="0,1"/></geometry></visual>'
 #: What other tools dislike in a mesh is one note for all links.
 PACKAGE, DAE = "meshes by package://: not resolved by MuJoCo", "meshes .dae: not read by MuJoCo"
+FILE = "meshes by file://: not resolved by MuJoCo"
 CAPSULE = "<visual><geometry><capsule/></geometry></visual>"
 END = "</link>"
 
@@ -89,6 +90,7 @@ FAULTS = [
     ("link rod_2a", END, SPHERE + END, "link rod_2a: sphere radius='0,1' is not a number"),
     ("link rod_3a", END, MESH.format("package://p/a.dae") + END, f"rod_3a, rod_3b: {PACKAGE}"),
     ("link rod_3b", END, MESH.format("package://p/b.dae") + END, f"rod_3a, rod_3b: {DAE}"),
+    ("link rod_3a_end", END, MESH.format("file://c.obj") + END, f"note: link rod_3a_end: {FILE}"),
     ("link rod_2b", END, CAPSULE + END, "note: link rod_2b: <capsule>: not drawn by Pinocchio"),
 ]
 
