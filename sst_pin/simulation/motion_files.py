@@ -243,7 +243,8 @@ def _start_rates(
     if q0 is not None and not set(columns) & set(table.columns):
         return np.zeros(len(names))
     cure = f"give --va0 {_arguments(names)}"
-    problem = f"no columns {', '.join(columns)} for the initial rates; {cure}"
+    missing = [column for column in columns if column not in table.columns]
+    problem = f"no columns {', '.join(missing)} for the initial rates; {cure}"
     raise FileFormatError(table.path, problem)
 
 

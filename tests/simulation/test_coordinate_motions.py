@@ -152,6 +152,9 @@ def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
     for of, start in ((table, None), (some, positions)):
         with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
             read_start(delta.engine, of, start)
+    others = ", ".join(f"{name}_rad_s" for name in delta.coordinates[1:])
+    with pytest.raises(sst_pin.FileFormatError, match=f"no columns {others} for the initial rates"):
+        read_start(delta.engine, some, positions)
     with pytest.raises(sst_pin.FileFormatError, match="give --q0"):
         read_start(delta.engine, table, None, {})
     with pytest.raises(sst_pin.FileFormatError, match="no rate of a coordinate wheel"):
