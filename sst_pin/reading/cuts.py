@@ -188,7 +188,7 @@ def _motor(value: Any) -> Motor:
     if isinstance(value, dict) and len(value) == 1:
         ((tendon, shares),) = value.items()
         factors = {joint: number_in(share) for joint, share in mapping_in(shares).items()}
-        return {tendon: factors}
+        return {name_in(tendon): factors}
     return name_in(value)
 
 

@@ -176,3 +176,12 @@ def test_values_that_cannot_be_meant_are_refused(read, cuts, told):
 def test_a_neutral_spring_of_a_ball_needs_no_reference(read):
     chain = read("joint_type: {elbow: ball}\njoint_spring: {elbow: {stiffness: 2}}", "[shoulder]")
     np.testing.assert_array_equal(chain.mechanism.springs.reference, pin.neutral(chain.model))
+
+
+def test_a_tendon_without_a_name_in_its_place_is_refused(read):
+    with pytest.raises(sst_pin.DescriptionError, match="name_mot: '' is not a name"):
+        read(motors="[{'': {shoulder: 1}}]")
+
+
+def test_a_negative_rotor_inertia_is_an_estimate_and_is_read(read):
+    assert read("armature: {elbow: -0.001}").model.armature.tolist() == [0, -0.001, 0]
