@@ -307,7 +307,10 @@ def _limit(joint: str, value: Any) -> dict[str, float]:
 
 
 def _rotor(joint: str, value: Any) -> float:
-    """The inertia of the rotor of a joint, reflected to the joint by the gear."""
+    """The inertia of the rotor of a joint, reflected to the joint by the gear.
+
+    It may be negative, because it may be an estimate.
+    """
     fields = value if isinstance(value, dict) else {"rotor_inertia": value}
     numbers = numbers_in(fields, required=["rotor_inertia"], defaults={"gear_ratio": 1.0})
     return numbers["rotor_inertia"] * numbers["gear_ratio"] ** 2
