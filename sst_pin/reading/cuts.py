@@ -350,7 +350,7 @@ def _sw2robot_cuts(content: YamlContent) -> Cuts:
     """The cuts of a `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
     content.require_known(_SW2ROBOT_KEYS)
     hinges = content.entries("closures", _hinge)
-    if not content["closures"]:
+    if content["closures"] == []:  # what is not a list is a problem already
         content.problems.append("closures: a list of hinges is needed")
     for key in ("dependent", "independent"):
         content.setdefault(key, None)  # so that a missing key is a problem
@@ -386,6 +386,8 @@ def _hinge(value: Any) -> CutJoint:
 def _vector(fields: Mapping[str, Any], key: str) -> Array:
     """Three numbers of a hinge; an axis must not be zero."""
     value = vector(fields.get(key))
-    if value is None or (key == "axis" and not value.any()):
+    if value is None:
         raise ValueError(f"{key} {shown(fields.get(key))} is not three numbers")
+    if key == "axis" and not value.any():
+        raise ValueError(f"{key} {shown(fields.get(key))} is zero: it has no direction")
     return value

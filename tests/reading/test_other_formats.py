@@ -272,6 +272,11 @@ def test_faults_are_told_with_the_element(extra, told, tmp_path):
     [
         ({"closures": []}, "closures: a list of hinges is needed"),
         ({"closures": [{"link_a": "2"}]}, "{'link_a': '2'} needs link_a, link_b, point, axis"),
+        (
+            {"closures": [{**CLOSURES["closures"][0], "axis": [0, 0, 0]}]},
+            r"axis \['0', '0', '0'\] is zero: it has no direction",
+        ),
+        ({"closures": None}, "closures: a list is needed$"),
         ({"dependent": ["joint_1", "joint_1"]}, "joint_1: named twice"),
         ({"speed": 3}, "speed: unknown; known: closures, dependent, independent"),
         ({"dependent": ["coupler", "rocker", "rod"]}, "dependent: no moving joint rod"),
