@@ -13,6 +13,7 @@ import sst_pin
 from sst_pin.errors import InputError
 from sst_pin.identification import Distances, Heights, Poses, calibrate, calibrate_with
 from tests.support.files import ROOT
+from tests.support.standard_errors import RUNS, assert_deviations_are_those_of_errors
 
 SPEC = importlib.util.spec_from_file_location("printer", ROOT / "examples" / "delta_printer.py")
 PRINTER = importlib.util.module_from_spec(SPEC)
@@ -192,7 +193,7 @@ def test_heights_of_a_bed_tell_six_numbers_of_a_delta_printer(count):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [7, 16])
-def test_errors_of_a_printer_are_within_three_standard_deviations_in_95_of_100_runs(count):
+def test_errors_of_a_printer_have_the_standard_deviations_of_the_result(count):
     drawn, random = PRINTER.printer(), np.random.default_rng(1)
     errors = {name: float(3e-4 * random.normal()) for name in SEEN}
     at = [drawn.position_names.index(tower) for tower in PRINTER.TOWERS]
@@ -201,15 +202,19 @@ def test_errors_of_a_printer_are_within_three_standard_deviations_in_95_of_100_r
     real = drawn.with_design(errors)
     exact = real.frame_placement(real.assemble(q), "nozzle")[0][:, 2]
     noise = 1e-5 if count == 7 else None  # one degree of freedom cannot tell it
-    within = 0
-    for seed in range(100):
+    ratios, noises = [], []
+    for seed in range(RUNS):
         heights = exact + 1e-5 * np.random.default_rng(seed).normal(size=count)
         probe = Heights("nozzle", q[:, at], heights=heights, noise=noise, start=q)
         result = calibrate_with(drawn, [probe], which=SEEN)
         assert not result.hidden
         true = np.array([errors[name] for name in result.names])
-        within += bool((np.abs(result.values - true) < 3 * result.deviations).all())
-    assert within >= 95
+        noises.append(result.noise[0])
+        ratios.append((result.values - true) / (result.deviations * 1e-5 / result.noise[0]))
+    assert_deviations_are_those_of_errors(ratios)
+    # Within four standard deviations: each run has as many degrees of freedom as values to spare.
+    spare = RUNS * (count - len(SEEN))
+    assert_allclose(np.mean(np.square(noises)), 1e-10, rtol=4 * np.sqrt(2 / spare))
 
 
 def test_wrong_measurements_are_refused():
