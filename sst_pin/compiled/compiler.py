@@ -54,8 +54,9 @@ _FOR_LONG_SOURCES = (
     *("-fno-ipa-modref", "-fno-ipa-pure-const", "-fno-ipa-reference"),
 )
 
-#: Processes of the compiler that may run at once.
-_PROCESSES = threading.BoundedSemaphore(os.cpu_count() or 1)
+_PROCESSORS = os.cpu_count() or 1
+#: Processes of the compiler that may run at once, in all threads.
+_PROCESSES = threading.BoundedSemaphore(_PROCESSORS)
 
 
 def compiler() -> list[str]:
@@ -93,7 +94,7 @@ def compile_library(sources: Sequence[str], library: Path, options: Sequence[str
         with _PROCESSES:
             _run([*all_options, "-c", "-fPIC", str(code), "-o", str(target)], target)
 
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(_PROCESSORS) as pool:  # by default at most 32 threads
         for _ in pool.map(compile_one, sources, objects):
             pass
     _run(["-shared", *map(str, objects), "-o", str(library), "-lm"], library)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Whatever a compiler does is told, with the cure."""
 
+import threading
+
 import pytest
 
 from sst_pin.compiled import compiler, libraries
@@ -71,3 +73,17 @@ def test_a_long_source_compiles_without_the_options_that_a_compiler_does_not_kno
     assert "-fno-dse" in asked
     assert "-O2" in compiled
     assert "-shared" in linked
+
+
+def test_as_many_sources_compile_at_once_as_there_are_processors(tmp_path, monkeypatch):
+    """On 40 processors all of 40 sources meet; a barrier that misses one breaks."""
+    together = threading.Barrier(40, timeout=1)
+
+    def run(arguments, result):
+        if "-c" in arguments:
+            together.wait()
+
+    monkeypatch.setattr(compiler, "_PROCESSORS", 40)
+    monkeypatch.setattr(compiler, "_PROCESSES", threading.BoundedSemaphore(40))
+    monkeypatch.setattr(compiler, "_run", run)
+    compiler.compile_library([""] * 40, tmp_path / "robot.so", ())
