@@ -24,6 +24,8 @@ from .tree import joint_id
 Share = float | Sequence[float]
 
 _WHOLE = np.array([1.0, 0, 0, 0])
+_NO_OFFSET = np.zeros(3)
+_NO_OFFSET.flags.writeable = False  # all links without an offset share it
 
 
 class Link(NamedTuple):
@@ -41,7 +43,7 @@ class Link(NamedTuple):
     mass: float
     center: Array
     share: float
-    offset: Array = np.zeros(3)
+    offset: Array = _NO_OFFSET
 
 
 @dataclass(frozen=True)

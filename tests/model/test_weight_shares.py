@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
+from sst_pin.model.weight_shares import Link
 from sst_pin.robots import four_bar, stewart
 from sst_pin.verification.lagrange import LagrangeMultipliers
 from sst_pin.verification.mujoco_tree import MujocoInverse
@@ -206,6 +207,10 @@ def test_a_pickled_robot_has_its_shares_read_only(hexapod):
     again = pickle.loads(pickle.dumps(hexapod))
     assert again.weight_shares == SHARES
     assert not again.mechanism.weight_shares.shares.flags.writeable
+
+
+def test_the_offset_that_links_share_is_read_only():
+    assert not Link(joint=1, mass=2.0, center=np.zeros(3), share=0.5).offset.flags.writeable
 
 
 @pytest.mark.parametrize(
