@@ -135,7 +135,7 @@ class Mechanism:
     friction: Friction
     springs: Springs
     #: Forces along lines, including motors on lines.
-    lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
+    lines: Lines
     #: What acts only in steps of `rollout(..., nonsmooth=True)`.
     contacts: Contacts = Contacts()  # noqa: RUF009
     #: None if the whole weight of each body acts.
