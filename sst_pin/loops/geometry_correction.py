@@ -557,7 +557,9 @@ def half_a_digit(numbers: Array) -> float:
     numbers = np.abs(numbers[np.abs(numbers) > 10.0**-_DIGITS])
     for digits in range(1, _DIGITS):
         tens = numbers * 10.0**digits
-        if len(numbers) and np.mean(np.abs(tens - tens.round()) < _WHOLE) > _MANY:
+        # Smaller numbers are almost 0, whether they are rounded or not: rests of 3.14159, say.
+        tens = tens[tens > _WHOLE]
+        if len(tens) and np.mean(np.abs(tens - tens.round()) < _WHOLE) > _MANY:
             return 0.5 * 10.0**-digits
     return 0.0
 

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain, Closure, ClosureError, DescriptionWarning, SSTError, robots
+from sst_pin.loops.geometry_correction import half_a_digit
 from tests.support.any_chain import states
 from tests.support.by_hand import add, at, in_units, mark
 from tests.support.planar_bars import planar
@@ -486,3 +487,12 @@ def test_a_hexapod_that_is_rigid_and_almost_singular_is_not_rounded():
     model.referenceConfigurations["home"] = home
     chain, records = with_warnings(ClosedChain, model, closures, ["arm"])
     assert (chain.degrees_of_freedom, records) == (1, [])
+
+
+def test_the_rests_of_rounded_right_angles_are_not_rounded_numbers():
+    """2.65e-6 is pi - 3.14159: it is 0 at one digit, which tells nothing about other numbers."""
+    with_all_digits = np.random.default_rng(0).uniform(0.1, 1.0, 6)
+    rests = [np.pi - 3.14159, 1.5708 - np.pi / 2, np.pi / 2 - 1.570796]
+    assert half_a_digit(with_all_digits) == 0
+    assert half_a_digit(np.append(with_all_digits, rests)) == 0
+    assert half_a_digit(np.append(with_all_digits.round(4), rests)) == 0.5e-4
