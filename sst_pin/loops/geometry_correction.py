@@ -459,7 +459,8 @@ class _Robot:
     def places(self, part: _Part) -> dict[str, int | None]:
         """The places that may be displaced: joints of a part, and frames of one closure only.
 
-        The keys are names. The value of a joint is None, that of a frame its index.
+        The keys are names. The value of a joint is None, that of a frame its index. A name that
+        joints and frames share means the joint, so such a frame is not displaced.
         """
         model = self.mechanism.model
         closures = self.mechanism.closures
@@ -475,7 +476,7 @@ class _Robot:
             if np.isin(part.rows, range(rows.start, rows.stop)).any():
                 ends.update(frames_of(closure))
         for name in sorted(ends - {"universe"}):
-            if uses[name] == 1 and name not in places:
+            if uses[name] == 1 and not model.existJointName(name):
                 places[name] = frame_id(model, name)
         return places
 

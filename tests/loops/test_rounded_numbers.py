@@ -496,3 +496,20 @@ def test_the_rests_of_rounded_right_angles_are_not_rounded_numbers():
     assert half_a_digit(with_all_digits) == 0
     assert half_a_digit(np.append(with_all_digits, rests)) == 0
     assert half_a_digit(np.append(with_all_digits.round(4), rests)) == 0.5e-4
+
+
+def test_a_closure_frame_with_the_name_of_a_joint_leaves_that_joint_where_it_is():
+    """The turntable carries the whole four-bar, so that its place corrects nothing."""
+    bars = [("turntable", "universe", 0.0, 0.05), ("crank", "turntable", 0.0, 0.1)]
+    bars += [("coupler", "crank", 0.1, 0.3), ("rocker", "turntable", 0.4, 0.25)]
+    model = planar(bars)
+    end = model.frames[model.getFrameId("coupler_end")]
+    end.placement = end.placement * at(0, 0, 2e-4)
+    end.name = "turntable"
+    of_bar = bar()[0].referenceConfigurations["home"]
+    model.referenceConfigurations["home"] = np.array([0.0, *of_bar])
+    closures = [Closure("turntable", "rocker_end", "hinge")]
+    chain, records = with_warnings(ClosedChain, model, closures, ["turntable", "crank"])
+    assert (len(records), chain.degrees_of_freedom) == (1, 2)
+    j = model.getJointId("turntable")
+    assert chain.model.jointPlacements[j] == model.jointPlacements[j]
