@@ -72,25 +72,26 @@ class MjcfEqualities:
         """Add a weld, a ball, or a hinge as two points that are connected."""
         held = closure.held
         kind = "weld" if held == _FIXED else "connect"
-        self._connect(kind, closure.frame_a, closure.frame_b)
+        self._connect(number, kind, closure.frame_a, closure.frame_b)
         holds_all_but_one_rotation = held[:3] == _BALL[:3] and held.count(False) == 1
         if holds_all_but_one_rotation:
             axis = held.index(False) - 3
             site_a = self._add_site_on_axis(number, closure.frame_a, axis)
             site_b = self._add_site_on_axis(number, closure.frame_b, axis)
-            self._connect("connect", site_a, site_b)
+            self._connect(number, "connect", site_a, site_b)
         elif held not in (_FIXED, _BALL):
             words = closure.kind if isinstance(closure.kind, str) else "of these directions"
             self._refuse(f"closure {closure}: MuJoCo has no closure {words}")
 
-    def _connect(self, kind: str, frame_a: str, frame_b: str) -> None:
-        """Add a connection or a weld between two sites."""
-        attributes = {
-            "name": f"{frame_a}-{frame_b}",
-            "site1": site_name(frame_a),
-            "site2": site_name(frame_b),
-        }
-        SubElement(self._document.section("equality"), kind, attributes)
+    def _connect(self, number: int, kind: str, frame_a: str, frame_b: str) -> None:
+        """Add a connection or a weld between two sites, for the closure of this index."""
+        equalities = self._document.section("equality")
+        names = {equality.get("name") for equality in equalities}
+        name = f"{frame_a}-{frame_b}"
+        while name in names:  # of another closure between these frames
+            name = f"{name}_{number}"
+        attributes = {"name": name, "site1": site_name(frame_a), "site2": site_name(frame_b)}
+        SubElement(equalities, kind, attributes)
 
     def _add_site_on_axis(self, number: int, frame_name: str, axis: int) -> str:
         """Add a site on an axis of a frame of a closure; returns its name.

@@ -103,6 +103,18 @@ def test_a_robot_read_back_is_the_same(name, tmp_path):
         assert np.abs(again.home - q_there(chain.home)).max() < 1e-14
 
 
+def test_two_closures_between_the_same_frames_are_read_back(tmp_path):
+    bar = robot_named("four_bar")
+    (closure,) = bar.closures
+    ends = closure.frame_a, closure.frame_b
+    closures = [sst_pin.Closure(*ends, "3d"), sst_pin.Closure(*ends, "3d")]
+    chain = sst_pin.ClosedChain(bar.model, closures, bar.motor_names)
+    again, q_there = read_back(chain, tmp_path / "robot.xml")
+    state = np.array([0.3]), np.array([-0.2])
+    expected = chain.compute_torques(chain.home, *state)
+    np.testing.assert_allclose(again.compute_torques(q_there(chain.home), *state), expected)
+
+
 def test_limits_efforts_and_points_come_over(tmp_path):
     chain = geared()
     chain.model.upperEffortLimit = np.array([5.0, 0, 7])
