@@ -100,7 +100,8 @@ def joint_notes(compiled: Compiled) -> Iterator[str]:
                 yield f"joint {name}: a free joint with {listed(forces)} {text}"
         elif _is_ball_locked_in_part(compiled, joint):
             has_friction = mj.dof_frictionloss[dof] and not compiled.disabled("frictionloss")
-            if has_friction or mj.dof_damping[dof]:
+            has_damping = mj.dof_damping[dof] and not compiled.disabled("damper")
+            if has_friction or has_damping:
                 text = "its friction acts about each axis that is not locked"
                 yield f"joint {name}: {text}"
 

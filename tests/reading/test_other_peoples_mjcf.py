@@ -157,6 +157,14 @@ def test_the_cure_for_an_idle_spin_works_where_the_ball_has_friction(tmp_path):
     assert held.mechanism.friction.viscous[rod].tolist() == [0.01, 0.01]
 
 
+def test_friction_that_a_file_switches_off_is_not_noted(tmp_path):
+    flags = '<mujoco><option><flag frictionloss="disable" damper="disable"/></option>'
+    text = ROD.replace("<mujoco>", flags)
+    held, texts = read(text, tmp_path, locked=["rod_wx"])
+    assert texts == []
+    assert not held.mechanism.friction.viscous.any()
+
+
 NUT = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="nut" pos="0 0 1">
 <joint name="turn" axis="0 0 1"/><joint name="lift" type="slide" axis="0 0 1"/>
 <geom type="box" size=".1 .1 .1" mass="3"/></body></worldbody>
