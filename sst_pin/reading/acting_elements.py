@@ -75,8 +75,7 @@ def texts_of(element: ET.Element) -> set[str]:
     """
     texts = set[str]()
     for part in element.iter():
-        texts.update(part.attrib.values())
-        texts.add((part.text or "").strip())
+        texts.update(text.strip() for text in [*part.attrib.values(), part.text or ""])
     return texts - {""}
 
 

@@ -36,6 +36,7 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
     ("element", "word"),
     [
         ('<spring joint="hinge" stiffness="3"/>', "<spring>: of hinge is not read"),
+        ('<spring joint=" hinge " stiffness="3"/>', "<spring>: of hinge is not read"),
         (
             '<gazebo reference="arm"><dampingFactor>0.1</dampingFactor></gazebo>',
             "dampingFactor '0.1'",
