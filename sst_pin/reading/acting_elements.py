@@ -191,6 +191,10 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
             value = part.get(key)
             if value is None or value in ("false", "auto"):
                 continue
+            # A total mass below zero, the default, changes no masses.
+            mass = numbers(value, 1) if key == "settotalmass" else None
+            if mass is not None and mass[0] <= 0:
+                continue
             # Zero changes nothing, unless it is a gravity.
             if key == "gravity" or not stands_for(value, 0):
                 yield warning("<mujoco>", f"<{part.tag} {key}={value!r}> is not read")

@@ -110,6 +110,7 @@ def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
         '<sensor name="s" gz:type="camera"><gz:parent link="arm"/></sensor>',
         '<ros2_control name="c"><joint name="hinge"/></ros2_control>',
         '<mujoco><option><flag gravity="enable" contact="disable"/></option></mujoco>',
+        '<mujoco><compiler settotalmass="-1" boundmass="0"/></mujoco>',
     ],
 )
 def test_what_does_not_act_is_not_named(tmp_path, element):
