@@ -8,7 +8,8 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -180,20 +181,27 @@ def write_files(
     for parent in parents:
         if not parent.exists():
             raise OutputError(parent, "the folder does not exist; create it first")
-    complete = list[tuple[Path, Path]]()  # temporary files, and the targets that they replace
-    path = next(iter(files), Path())  # for the error of `_replace`
+    complete = list[_Complete]()
     try:
         for path, write in files.items():
             target = targets[path]
-            if folder is not None:
-                target.path.parent.mkdir(parents=True, exist_ok=True)
-            complete.append((_written(target, write), target.path))
+            with _naming(path):
+                if folder is not None:
+                    target.path.parent.mkdir(parents=True, exist_ok=True)
+                complete.append(_Complete(path, _written(target, write), target.path))
         _replace(complete)
+    finally:
+        for file in complete:
+            file.temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the file that cannot be written, instead of an error of the operating system."""
+    try:
+        yield
     except OSError as error:
         raise OutputError(path, f"cannot be written: {error.strerror or error}") from None
-    finally:
-        for partial, _ in complete:
-            partial.unlink(missing_ok=True)
 
 
 class _Target(NamedTuple):
@@ -201,6 +209,20 @@ class _Target(NamedTuple):
 
     path: Path
     mode: int
+
+
+class _Complete(NamedTuple):
+    """A temporary file with the whole content of a file.
+
+    Attributes:
+        path: The file as the call names it.
+        temporary: The temporary file.
+        target: The file that it replaces.
+    """
+
+    path: Path
+    temporary: Path
+    target: Path
 
 
 def _target_of(path: Path, force: bool) -> _Target:
@@ -242,25 +264,28 @@ def _beside(path: Path) -> Path:
     return Path(name)
 
 
-def _replace(files: Sequence[tuple[Path, Path]]) -> None:
+def _replace(files: Sequence[_Complete]) -> None:
     """Replace targets by complete files, all or none."""
     copies = dict[Path, Path]()
-    done = list[Path]()
+    done = list[_Complete]()
     try:
         if len(files) > 1:  # the replacement of one file needs no copy
-            for _, target in files:
-                if target.exists():
-                    copies[target] = _beside(target)
-                    shutil.copy2(target, copies[target])
-        for partial, target in files:
-            partial.replace(target)
-            done.append(target)
+            for file in files:
+                if file.target.exists():
+                    with _naming(file.path):
+                        copies[file.target] = _beside(file.target)
+                        shutil.copy2(file.target, copies[file.target])
+        for file in files:
+            with _naming(file.path):
+                file.temporary.replace(file.target)
+            done.append(file)
     except BaseException:
-        for target in done:
-            if target in copies:
-                copies[target].replace(target)
-            else:
-                target.unlink(missing_ok=True)
+        for file in done:
+            with _naming(file.path):
+                if file.target in copies:
+                    copies[file.target].replace(file.target)
+                else:
+                    file.target.unlink(missing_ok=True)
         raise
     finally:
         for copy in copies.values():

@@ -117,7 +117,10 @@ def test_links_lead_to_the_file_that_is_written_and_its_mode_stays(here):
 
 
 def test_a_set_of_files_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
-    """The second content fails, then the second replacement; old files stay, new ones go."""
+    """The second content fails, then the second replacement; old files stay, new ones go.
+
+    The error names the file that could not be replaced.
+    """
 
     def fail(file):
         raise OSError(28, "No space left on device")
@@ -136,8 +139,10 @@ def test_a_set_of_files_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
         return replace(self, target)
 
     monkeypatch.setattr(Path, "replace", second_fails)
-    with pytest.raises(sst_pin.OutputError, match="Input/output error"):
-        write_files({old: text_writer("new"), new: text_writer("code")}, force=True)
+    contents = {old: text_writer("new"), new: text_writer("code")}
+    contents[tmp_path / "robot.txt"] = text_writer("third")
+    with pytest.raises(sst_pin.OutputError, match=r"robot\.c: .*Input/output error"):
+        write_files(contents, force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["robot.h"]
     assert old.read_text() == "old"
 
