@@ -146,8 +146,8 @@ def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
 class Context:
     """Loops, L and Pinocchio data of one mechanism; one object per thread.
 
-    They are those of the last configuration at which they were evaluated, by `evaluate` or by
-    `complement.evaluate` and `complement.motion`. Here it is called the current q.
+    They belong to one configuration, which is called the current q here: the last one for which
+    `evaluate`, `complement.evaluate` or `complement.motion` was called.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -157,7 +157,9 @@ class Context:
         self.data = self.loops.data
         self.complement = JointComplement(mechanism, self.loops)
         self.lines = LineKinematics(mechanism)
+        #: Closes the loops by steps in which wheels may slip and braked joints may move.
         self.assembly = Assembly(mechanism, self.loops)
+        #: Closes the loops by steps in which wheels roll and braked joints rest.
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self.whole_inertia = whole_inertia(mechanism)
         #: Zero accelerations of the coordinates.
@@ -187,6 +189,8 @@ class Context:
 
         Masses that move with the lengths of lines are part of the tree.
         """
+        # The normal tree has the configuration loops.q and the rates S v; its mimic joints have
+        # numbers of their own. Lines have the configuration of the model, loops.q_of_model.
         S = self.tree.S
         motion = self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)
         if self.mechanism.weight_shares is None:
@@ -199,9 +203,9 @@ class Context:
         return forces
 
     def lifts(self) -> list[pin.Force]:
-        """Forces that carry what bodies do not have of their weight, at the current q.
+        """Forces that cancel the part of each body's weight that does not act, at the current q.
 
-        One for each joint of the normal tree, in its axes and at its origin.
+        One for each joint of the normal tree, in its axes and at its origin; see `weight_shares`.
         """
         lifts = [pin.Force.Zero() for _ in range(self.tree.model.njoints)]
         mechanism = self.mechanism
@@ -222,7 +226,14 @@ class Context:
 
 
 def whole_inertia(mechanism: Mechanism) -> float:
-    """Inertia of all bodies and rotors, each at the distance of the robot's length, [kg m^2]."""
+    """The size of the whole robot's inertia, [kg m^2], with which coordinates are compared.
+
+    It is the sum of three parts:
+    - all masses, also those that move with the lengths of lines, times the square of the robot's
+      length;
+    - the trace of each body's inertia about the origin of its own joint;
+    - the rotors, each times the square of its rate's scale.
+    """
     model = mechanism.model
     mass = mechanism.lines.masses.sum()
     inertia = model.armature.dot(mechanism.rate_scale**2)
@@ -327,11 +338,12 @@ def direct_dynamics(
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
     L = context.complement.L
     inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)
-    # A coordinate is massless if its inertia is negligible beside that of all bodies, each at the
-    # distance of the robot's length, for the sum of the squared rates, free of units, that the rate
-    # 1 of the coordinate causes.
+    # The rate 1 of a coordinate causes the rates in its column of L. If the whole inertia had these
+    # rates, it would appear in the coordinate as `largest`. Beside this, the inertia of a massless
+    # coordinate is rounding.
     squared_rates = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
-    aa = solved(inertia, force.dot(L), WITHOUT_MASS * context.whole_inertia * squared_rates)
+    largest = context.whole_inertia * squared_rates
+    aa = solved(inertia, force.dot(L), WITHOUT_MASS * largest)
     if aa is None:
         if not np.isfinite(inertia).all():
             problem = "the mass matrix has entries that are not finite numbers"
@@ -367,7 +379,8 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     v = L @ va  # Eq. (16)
     Phi_dot = context.loops.Phi_dot(v)
     L_dot = context.complement.L_dot(Phi_dot)
-    context.complement.require_accelerations(v, L_dot @ va, Phi_dot @ v)
+    v_dot = L_dot @ va  # for aa = 0
+    context.complement.require_accelerations(v, v_dot, Phi_dot @ v)
     of_bodies = bodies(context.loops, v, mechanism.weight_shares)
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, weights = of_bodies

@@ -30,8 +30,9 @@ UNSUPPLIED = 1e-8
 #: Pivots of the mass matrix below this part of their diagonal entries are rounding, and so are
 #: negative eigenvalues smaller than this part of the largest.
 ROUNDING = 1e-12
-#: A coordinate counts as massless if its inertia is below this fraction of the inertia of all
-#: bodies moving at the fastest joint's rate. 1e-20 is the square of the rates' rounding error.
+#: A coordinate counts as massless if its inertia is below this fraction of the whole robot's
+#: inertia, times the sum of the squares of the rates, free of units, that the rate 1 of the
+#: coordinate causes. 1e-20 is the square of the rates' rounding error.
 WITHOUT_MASS = 1e-20
 #: A component of a reaction is unique if inner stresses of size one change it by less, free of
 #: units. Loops that are open by their tolerance change it by about that.
