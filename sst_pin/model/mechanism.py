@@ -110,8 +110,10 @@ class Springs:
         problems = []
         for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
             k = self.stiffness[joint.idx_v : joint.idx_v + joint.nv]
-            ball = joint.shortname() == "JointModelSpherical" and np.ptp(k) == 0
-            if k.any() and joint.nv > 1 and joint.nq != joint.nv and not ball:
+            rates_are_derivatives_of_q = joint.nv in (1, joint.nq)
+            is_ball = joint.shortname() == "JointModelSpherical"
+            has_potential = rates_are_derivatives_of_q or (is_ball and np.ptp(k) == 0)
+            if k.any() and not has_potential:
                 problems.append(
                     f"joint {name}: a spring is not supported here; of joints with quaternions "
                     "only balls can have one, with the same stiffness in all directions"
@@ -143,11 +145,11 @@ class Mechanism:
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None
-    #: Length of each row of Phi at the example, free of units, shape (rows,); 0 for constant rows.
-    #: See `usual_size`.
+    #: Length of each row of Phi at the example, free of units, shape (rows,). It is 0 for rows of
+    #: couplings that are constant: they never come near a singularity. See `usual_size`.
     row_sizes: Array | None = None
-    #: Names of independent rates that move no mass, so that the mass matrix is singular. They are
-    #: coordinates, or other rates where the coordinates are singular at the example.
+    #: Names of rates that move no mass, so that the mass matrix is singular. They are coordinates.
+    #: If the coordinates are singular at the example, other independent rates replace them here.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -166,12 +168,13 @@ class Mechanism:
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
     def usual_size(self, rows: Indices, rates: Indices) -> float:
-        """Length at the example of the rows of Phi in a block with one dependent rate.
+        """Size with which `loops.ranks` compares a block of Phi with one dependent rate.
 
-        Such a block has one singular value, so that its condition number is always 1. An entry of
-        the block that is much smaller than its whole rows, over all rates, are at the example shows
-        that it is near a singularity. The result is 0 for blocks with more rates, whose condition
-        number says this. Free of units.
+        Such a block has one column, and so one singular value and the condition number 1 at every
+        configuration. Instead, its singular value is compared with the result: the length at the
+        example of its whole rows, which have entries for all rates. A much smaller singular value
+        means that the block is near a singularity. A block of several dependent rates has a
+        condition number that shows this, so that the result is 0. Free of units.
 
         Args:
             rows: Rows of the block.
