@@ -14,7 +14,8 @@ from .mjcf_attributes import FAR, SINGLE
 from .mjcf_joints import MjcfJoint
 from .urdf_writer import numbers
 
-#: URDF demands a largest velocity; this or a larger one stands for none, [rad/s] or [m/s].
+#: URDF demands a largest velocity; this or a larger one stands for none, [rad/s] or [m/s]. It is
+#: the number that `urdf_writer` writes for none.
 _FAST = 1e3
 #: Entries x, y and z up to this size count as zero in the quaternion at which the spring of a ball
 #: is relaxed. They have the rounding of a few products of numbers up to 1, some 1e-16 each.
@@ -22,7 +23,7 @@ _REST_ROUNDING = 1e-12
 
 
 def joint_attributes(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
-    """Friction, rotor, spring and limits of a joint."""
+    """Friction, rotor, spring and limits of a joint that is no mimic joint."""
     attributes = dict[str, str]()
     for name, of_rates in _numbers_by_name(mechanism).items():
         values = of_rates[joint.rates]
@@ -83,7 +84,10 @@ def _limits(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
 
 
 def _shared_effort(mechanism: Mechanism, rate: int) -> float:
-    """The largest force on a rate of motors that act on others too; 0 if it has no limit."""
+    """The limit of the force on a rate, if a motor acts on this rate and on others; else 0.
+
+    It is 0 for an unlimited force too. A motor of one rate has the limit itself, as `ctrlrange`.
+    """
     motors = mechanism.actuation  # shape (nv, motors)
     acts_on_several = (motors != 0).sum(axis=0) > 1
     limit = float(mechanism.model.upperEffortLimit[rate])

@@ -28,11 +28,12 @@ class MjcfJoint(NamedTuple):
     name: str
     #: "hinge", "slide", "ball" or "free".
     kind: str
-    #: A hinge rotates about `axis` through `point`, a slide translates along `axis`, both in the
-    #: frame of its body.
+    #: A hinge rotates about `axis` through `point`, a slide translates along `axis`. Both are in
+    #: the frame of the joint, or, after `seen_from`, in that of a later joint at q = 0.
     axis: Array
     point: Array
-    #: Placement to which the pose of a free joint is relative.
+    #: Placement of the joint on its parent. The pose in q of a free joint is relative to it, that
+    #: in MuJoCo's coordinates is relative to the world.
     at: pin.SE3
     #: MuJoCo's coordinates are factor * q[entries] + offset, its rates factor * v[rates]. The
     #: factor is 1 unless the joint is a hinge or a slide that mimics another.
@@ -43,9 +44,13 @@ class MjcfJoint(NamedTuple):
     #: Whether the joint mimics another joint, whose entries and rates it has.
     mimics: bool
 
-    def seen_from(self, at: pin.SE3) -> "MjcfJoint":
-        """The joint expressed in the frame of a body with placement `at`."""
-        return self._replace(axis=at.rotation.T @ self.axis, point=at.actInv(self.point))
+    def seen_from(self, later: pin.SE3) -> "MjcfJoint":
+        """The joint, with axis and point in the frame of a later joint.
+
+        Args:
+            later: The placement of the later joint in the frame that axis and point have now.
+        """
+        return self._replace(axis=later.rotation.T @ self.axis, point=later.actInv(self.point))
 
     def qpos(self, q: Array) -> Array:
         """MuJoCo's coordinates of the joint for a configuration, shape (nq,)."""
@@ -107,6 +112,7 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
         short_name = type_name.removeprefix("JointModel")
         problem = f"joint {common.name}: MuJoCo has no joint {short_name}{cure}"
         raise DescriptionError(f"model {original.name}", [problem])
+    # A mimic joint has the rate of the joint that it follows, but needs another name.
     name = common.name if common.mimics else rate_names[common.rates[0]]
     if twist[3:].any():
         return [common._replace(name=name, kind="hinge", axis=twist[3:])]
@@ -139,7 +145,8 @@ def _common(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
 def _twist(model: pin.Model, joint: Any) -> Array:
     """The first column of the motion subspace of a joint, shape (6,): [linear; angular]."""
     data = joint.createData()
-    # The column is constant. The configuration is one of the joint: a 1 is the cosine of angle 0.
+    # The column is the same at all configurations. With the 1, that of a continuous joint is valid:
+    # it consists of a cosine and a sine.
     q = np.zeros(model.nq)
     q[joint.idx_q] = 1.0
     joint.calc(data, q)
@@ -157,9 +164,15 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     off_diagonal = inertia - np.diag(np.diag(inertia))
     if np.abs(off_diagonal).max() <= _ROUNDING * np.abs(moments).max():
         return np.diag(inertia).copy(), np.eye(3)
-    # First the order of the axes, then their signs. Then the trace of R is above 1: the squares of
-    # the entries have the sum 1 in each row, and so their mean over all orders is 1. A reflection
-    # has a trace of at most 1; so R is a rotation.
+    # First the order of the axes, for which the sum of |R_ii| is largest; then their signs, so that
+    # this sum is the trace. The result is a rotation, because a reflection has a trace of at most 1
+    # and the trace is larger:
+    # - For a random order, the mean of the sum of R_ii^2 is 1, because the squares in each row of R
+    #   have the sum 1. So some order has a sum of squares of at least 1.
+    # - |R_ii| >= R_ii^2, so that the sum of |R_ii| is at least 1. If it were 1 for the best order,
+    #   all entries would be 0 or +-1, and the best order would have the sum 3.
+    # No R_ii is 0, so that each has a sign: with R_33 = 0, an exchange of axis 3 with one of the
+    # others would make the sum larger.
     _, order = linear_sum_assignment(-np.abs(R))
     R = R[:, order] * np.sign(np.diag(R[:, order]))
     return moments[order], R
