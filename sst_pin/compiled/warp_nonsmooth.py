@@ -3,10 +3,14 @@
 
 from typing import Any, NamedTuple
 
-#: Violations with which a step may start, relative to those of a motion's start: a step leaves an
-#: error of second order.
+#: Largest violation of contacts, ropes and stops at the start of a step, in multiples of the one
+#: with which a motion may start: `NonsmoothRows.least_gaps`, 1/1000 of the robot's length or of a
+#: radian. A step that continues another one starts with the violation which that one leaves. If
+#: this is above 1/100, the steps are too long for their motion.
 FRESH, CONTINUED = 1.0, 10.0
-#: The most series of sweeps and Newton's steps in a step, by default.
+#: The most rounds of the solver in a substep, by default. Each round consists of Gauss-Seidel
+#: sweeps and Newton's steps. There are fewer than the 30 of `rollout`, because neighbouring robots
+#: on a GPU wait for the slowest one.
 ITERATIONS = 12
 
 
@@ -27,8 +31,9 @@ class NonsmoothState(NamedTuple):
             apart, shape (N, lines with friction), [N].
         residual: The largest error of complementarity of the substeps, relative to the impulses,
             shape (N,).
-        impulses: Of the last substep, for all rows, shape (N, m): where the solver of the next step
-            starts.
+        impulses: Impulses of the last substep, from which the solver of the next step starts, shape
+            (N, m). There is one for each of the m rows of the solver: contacts (three rows each),
+            ropes, cables, stops, joints and lines with dry friction.
     """
 
     q: Any
