@@ -193,7 +193,7 @@ class ForceObserver:
         unit = mechanism.rate_scale[mechanism.coordinates]
         A = (J[chosen] / size[:, None] * unit).T
         U, s, Vt = np.linalg.svd(A, full_matrices=False)
-        if np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1e-300)) < len(chosen):
+        if np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=0.0)) < len(chosen):
             raise InputError(
                 "components",
                 f"{chain.degrees_of_freedom} coordinates cannot distinguish {listed(words)} of "
