@@ -39,7 +39,8 @@ SINGLE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 #: Options for derivatives: with -O2 their long functions compile slower and run no faster.
 LONG = ("-O1", "-fexpensive-optimizations")
 _OPTIONS = ("-std=gnu11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
-#: Sources of more characters than this are long.
+#: Sources of more characters than this are long. GCC compiles shorter ones in about half a second,
+#: with and without the options for long ones, so that the usual options stay.
 _LONG_SOURCE = 200_000
 #: Options for long sources, for compilers that know them (GCC). The time of these passes grows
 #: faster than a function. They look for values that are computed twice and for results that nobody
