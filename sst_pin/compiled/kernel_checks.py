@@ -76,6 +76,12 @@ class _Probe(NamedTuple):
     The entries of s are random signs times the scales that make rows of A free of units, divided by
     `unit`, which is one of these scales. If all scales are equal, s is 1 or -1, and products with
     it cost nothing.
+
+    There are two systems:
+
+    - Phi x = b for rates x: the rows of A are rows of Phi, its columns are rates;
+    - Phi_u^T x = b for multipliers x: the rows of A are dependent rates, its columns are rows of
+      Phi.
     """
 
     unit: float
@@ -88,11 +94,13 @@ class _Probe(NamedTuple):
 class Checks:
     """Checks of one robot's kernels.
 
-    All return lists of checks, which are empty if there is nothing to check:
+    These return lists of checks, which are empty if there is nothing to check:
 
     - `unsolved` and `unbalanced` check one linear solution;
     - `redundant_in_accelerations` and `unsupplied` check one result beyond that;
     - those with names `of_...`, and `massless`, are all checks of one part of a computation.
+
+    `small_pivots` is one check, and `unit_lengths` is a term of one. `of_state` has both.
 
     Args:
         equations: The equations of the robot.
@@ -149,6 +157,7 @@ class Checks:
         """More than 1 where a pivot of Phi_u is much smaller than at the sample configurations.
 
         It is the sum of (size / (1000 pivot))^2 over all pivots, with their sizes in the samples.
+        For `Orthogonal` parts, pivots and sizes are squared lengths, and 1000 is squared too.
         """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
@@ -158,7 +167,8 @@ class Checks:
     def _short_lines(self) -> list[Any]:
         """For each line a shortest length over its length; a line without length has no direction.
 
-        The length is twice that of the reference path, which then decides about lines between both.
+        The shortest length is twice that of the reference path, which decides about lines with
+        lengths between both.
         """
         e = self._equations
         least = 2 * LEAST_LENGTH * e.mechanism.length
@@ -242,11 +252,13 @@ class Checks:
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
 
-        Only rows that elimination changes count: in the others no entry can grow.
+        Only rows that elimination changes count: in the others no entry can grow. Of x, only the
+        dependent rates x_u have a size that counts: the other rates are known, and the matrix of
+        the equations for x_u is Phi_u.
         """
         scale = self._rate_scale
         sizes = [x[j] / scale[j] for j in self._dependent if j in x]
-        return self._large_residual(self._rows_probe, x, right, sizes)
+        return self._large_residual(self._probe_of_rates, x, right, sizes)
 
     def unbalanced(self, tau: Sparse) -> list[Any]:
         """More than 1 where the multipliers x do not solve Phi_u^T x = tau_u.
@@ -256,26 +268,28 @@ class Checks:
         """
         x = self._equations.multipliers(tau)
         scale = self._row_scale
-        return self._large_residual(self._columns_probe, x, tau, [x[i] / scale[i] for i in x])
+        return self._large_residual(
+            self._probe_of_multipliers, x, tau, [x[i] / scale[i] for i in x]
+        )
 
     @cached_property
-    def _rows_probe(self) -> _Probe:
-        """The probe of Phi x = b, on the rows that elimination changes."""
+    def _probe_of_rates(self) -> _Probe:
+        """The probe of Phi x = b, on the rows of Phi that elimination changes."""
         e = self._equations
         rows, _ = e.factors.changed  # by elimination
         unit, s = _random_signs(rows, self._row_scale)
-        s_Phi: Sparse = {}
+        s_Phi: Sparse = {}  # s^T Phi, by rate
         for i, sign in s.items():
             s_Phi = add(s_Phi, {j: sign * entry for j, entry in e.rows[i].Phi.items()})
         return _Probe(unit, s, s_Phi)
 
     @cached_property
-    def _columns_probe(self) -> _Probe:
+    def _probe_of_multipliers(self) -> _Probe:
         """The probe of Phi_u^T x = b, on the columns of Phi_u that elimination changes."""
         e = self._equations
         _, columns = e.factors.changed  # by elimination
         unit, s = _random_signs(columns, self._rate_scale)
-        Phi_s: Sparse = {}
+        Phi_s: Sparse = {}  # s^T Phi_u^T, by row of Phi
         for i in e.factors.rows:
             entry = total(s[j] * x for j, x in e.rows[i].Phi.items() if j in s)
             if not is_zero(entry):
@@ -294,9 +308,9 @@ class Checks:
 
         Args:
             probe: The vector s, and s^T A.
-            x: The solution.
-            b: The right side.
-            sizes: The entries of x, free of units.
+            x: The solution, by column of A.
+            b: The right side, by row of A.
+            sizes: The entries of x whose size counts in |x|, free of units.
         """
         terms = [entry * x[j] for j, entry in probe.sums.items() if j in x]
         terms += [-(sign * b[i]) for i, sign in probe.s.items() if i in b]
