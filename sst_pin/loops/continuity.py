@@ -7,9 +7,9 @@ change is D = Phi_a^+ (Phi_b - Phi_a), which does not depend on the units of row
 - Where |D| < 1, all matrices between Phi_a and Phi_b, Phi_a + s (Phi_b - Phi_a) with 0 <= s <= 1,
   have full rank: Phi_a^+ times them is I + s D.
 - Let a and b lie in different modes at the same coordinates, and x be the difference of their
-  dependent joints. By the mean value theorem, the mean of Phi over the line from a to b maps x to
-  f(b) - f(a) = 0. With (Phi_a + Phi_b) / 2 as the mean, Phi_b x = -Phi_a x, so that D x = -2 x and
-  |D| >= 2.
+  dependent joints. The mean of Phi over the line from a to b maps x to f(b) - f(a), which is 0 as
+  both are closed. With (Phi_a + Phi_b) / 2 as the mean, Phi_b x = -Phi_a x. Then
+  D x = Phi_a^+ (Phi_b x - Phi_a x) = -2 x, so that |D| >= 2.
 
 A step with |D| <= 1/2 is continuous: 1/2 leaves a margin to both bounds, as (Phi_a + Phi_b) / 2 is
 the mean only nearly. A longer step is divided. The determinant of all loops is no measure: it keeps
@@ -162,26 +162,36 @@ class Continuity:
         """Whether the motion goes on from the configuration `before` to `after`.
 
         It does if both are regular neighbours of one anchor: then all matrices between their Phi
-        are within `CHANGE` of that of the anchor, and regular too. If `after` is too far from the
-        present anchor, `before` becomes the anchor.
+        are within `CHANGE` of that of the anchor, and regular too. `before` is a neighbour of the
+        present anchor. If `after` is none, `before` itself becomes the anchor.
 
-        If the motion goes on, `after` becomes the last sample. If not, `before` stays the last
-        sample and is the anchor, so that the next, shorter try needs no other SVD.
+        What is kept for the next call:
+
+        - if the motion goes on, `after` is the last sample;
+        - if not, `before` is the last sample and the anchor. The next, shorter try begins there
+          too, and needs no other SVD.
         """
         sample = self._sample(after)
-        last = self._last
-        anchor = self._anchor
-        if last is None or anchor is None or not np.array_equal(last.q, before):
-            # A motion begins at `before`.
-            last = self._sample(before)
-            anchor = _Anchor.at(last)
+        start, anchor = self._sample_and_anchor(before)
         continues = self._continues(anchor, sample, limit)
-        if not continues and anchor.sample is not last:
-            anchor = _Anchor.at(last)
+        if not continues and anchor.sample is not start:
+            anchor = _Anchor.at(start)
             continues = self._continues(anchor, sample, limit)
         self._anchor = anchor
-        self._last = sample if continues else last
+        self._last = sample if continues else start
         return continues
+
+    def _sample_and_anchor(self, q: Array) -> tuple[_Sample, _Anchor]:
+        """The sample at q, and an anchor of which it is a neighbour.
+
+        They are the last ones if the last motion ended at q. Otherwise a motion begins at q, and
+        the sample is its own anchor.
+        """
+        last, anchor = self._last, self._anchor
+        if last is not None and anchor is not None and np.array_equal(last.q, q):
+            return last, anchor
+        sample = self._sample(q)
+        return sample, _Anchor.at(sample)
 
     def _continues(self, anchor: _Anchor, sample: _Sample, limit: float) -> bool:
         """Whether a sample is a regular neighbour of an anchor."""
@@ -203,7 +213,7 @@ class Continuity:
 
         As |D| <= 1/2, the smallest singular value of Phi_b is at least half of that of Phi_a. The
         largest one of Phi_b is at most its Frobenius norm. Blocks with one rate have one singular
-        value only: `Mechanism.usual_size` takes the place of the largest one if it is larger.
+        value only: their usual size takes the place of the largest one if it is larger.
         """
         per_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
         for of_shape, blocks, smallest in per_shape:
