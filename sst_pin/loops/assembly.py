@@ -166,6 +166,7 @@ class Assembly:
         random = np.random.default_rng(seed)
         # The projection of a random vector does not depend on the basis of the motions.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
+        # Without motions the direction is zero, and so is the step: 1e-300 avoids 0 / 0.
         step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
         guess = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
         return self.assemble(guess, np.arange(mechanism.model.nv))
@@ -249,8 +250,9 @@ class Assembly:
         model = self.mechanism.model
         scale = self.mechanism.rate_scale
         step = step.copy()
-        # Groups share no free joint, so that a group whose error has fallen keeps it. The steps of
-        # all other groups were halved in each pass: one count is enough.
+        # Groups share no free joint. So a group whose error has fallen keeps its step and its
+        # error, and a group that is worse now was worse in all passes: its step was halved in each.
+        # The count of the passes is the number of halvings of all groups that are worse.
         halvings = 0
         while True:
             trial = pin.integrate(model, q, step * scale)
@@ -259,6 +261,8 @@ class Assembly:
             worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
                 return trial, f_trial, moving
+            # The rounding of f at q. The loops are now evaluated at the trial, where coordinates
+            # of frames are about as large as at q.
             largest_closed = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
                 was_closed = (np.abs(f[group.rows]) < largest_closed[group.rows]).all()
@@ -286,7 +290,7 @@ class Assembly:
         return ~closed
 
     def _rounding(self, q: Array, Phi: Array) -> Array:
-        """Rounding of f, shape (rows,); the loops are evaluated at q or near it.
+        """Rounding of f, shape (rows,); the loops are evaluated at q or a step from it.
 
         It grows with turns of the joints and with the distance of the loops from the origin: a
         position q_k has an error of its size times `_ROUNDING`, which Phi takes to f.
@@ -300,7 +304,8 @@ class Assembly:
     def _rounding_of_positions(self) -> Array:
         """Rounding of the positions of the frames of each row, free of units, shape (rows,).
 
-        It counts for rows of turns too: where rows are redundant, they share the errors.
+        Rows of turns may be open by as much: where rows are redundant, least squares spread the
+        rounding of positions over all rows.
         """
         return _ROUNDING * self.loops.largest_coordinates / self.mechanism.row_lengths
 
