@@ -30,8 +30,9 @@ from .singularity_crossing import SingularityCrossing
 from .state_equations import MotionState, Samples, StateEquations
 from .step_control import StepControl
 
-#: The first repeat of an irregular step ends before its irregular part by this fraction of the
-#: length of its regular part. `Continuity.follow` knows the regular part to 1e-12 of the step.
+#: The first repeat of an irregular step ends just before the irregular part of that step, earlier
+#: by this fraction of the length of the regular part. `Continuity.follow` knows the regular part to
+#: 1e-12 of the step.
 _MARGIN_OF_REPEAT = 1e-10
 
 
@@ -204,6 +205,8 @@ class Integration:
             state = MotionState(step.end, state.space, part.q, step.y)
             self._crossing.remember(state)
             if target.repeats > 0 and step.end == target.time:
+                # `_before_irregular` has set the target back to here, just before the irregular
+                # part of an earlier step.
                 return _Continuation(self._leave_irregular(state), None)
             settled = self._improve_coordinates(state)
             if settled.space is not state.space:
@@ -230,7 +233,8 @@ class Integration:
         """
         # If the output has refused the step, it is not known where the loops cannot be closed: half
         # of the step is taken for regular.
-        fraction = 0.5 if part.fraction == 1 else part.fraction
+        refused_by_output = part.fraction == 1
+        fraction = 0.5 if refused_by_output else part.fraction
         self._steps.shorten(fraction)
 
         part_end = step.start + part.fraction * step.length  # where the robot has `part.q`
