@@ -59,15 +59,15 @@ _POSES = np.linspace(0.1, 1.0, 16)
 _LOOKS = 3
 #: Widths of random displacements to poses that check the result.
 _CHECKS = np.linspace(0.15, 1.05, 8)
-#: Largest ratio of a singular value that rounding makes to one of the mechanism: the rank stays the
-#: same even if rounding makes ten times as much.
+#: The rank is clear if the largest singular value that rounding makes is at most this part of the
+#: smallest one of the mechanism: it stays the same even if rounding makes ten times as much.
 _GAP = 0.1
 #: Loops that stay open by more in all poses may be far from the poses in which they close.
 _FAR = 10 * ROUNDED_PLACEMENTS
 #: Gauss-Newton's method: most steps. Each step squares the gap, so that three are enough from
 #: `ROUNDED_PLACEMENTS`; more are needed where small singular values count only as the gap falls.
 _STEPS = 12
-#: It ends at this gap.
+#: It ends at this gap, some tens of roundings of numbers of size one.
 _CLOSED = 1e-14
 #: Singular values of its equations count as zero below this part of the largest one: smaller ones
 #: are rounding. With 1e-11, the correction of a scissor depends on the unit of length.
@@ -198,12 +198,12 @@ def _is_justified(correction: _Correction, original: "_Robot", part: _Part, star
         return False  # 2: it closes at the start, perhaps in this pose only
     home = home_of(original.mechanism)
     if home is not None and not original.gap(home, part) and original.moves(home, part):
-        # 3: at the home of the file, rounded placements would be open. So short numbers, such as
-        # 0.25, are exact.
+        # 3: loops with rounded placements would be open at the home of the file. So its short
+        # numbers, such as 0.25, are exact.
         return False
     if correction.size <= EXPLAINED * rounding:
-        return True
-    # 4: without the correction it would be a rigid frame.
+        return True  # the errors are rounding
+    # 4: if it does not move as it is, it would be a rigid frame without the correction.
     return not original.moves(start, part)
 
 
@@ -225,10 +225,11 @@ def _find_correction(
     """A correction with which a part closes in these poses and in others; None if none is found.
 
     Each try displaces the placements further, so that the part closes in the poses. Then other
-    poses around the `start` check it. If the part stays open in some of them, the next try has
-    these poses too.
+    poses around the `start` check it. If the part stays open in a regular one of them, the next try
+    has all these regular poses too.
     """
     corrected = robot
+    # Poses of earlier placements: `with_displacements` moves the joints on to closed poses.
     fitting = list(poses)
     total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
@@ -314,7 +315,7 @@ class _Robot:
             ahead = self._assembly.closer(pin.integrate(model, q, rates_step), rates)
             moved = pin.difference(model, q, ahead)[rates] / scale
             if moved.dot(step) < step.dot(step) / 2:
-                return False  # closing the loops leads back
+                return False  # closing the loops leads back by more than half of the step
             q = ahead
         return not self.gap(q, part)
 
