@@ -115,8 +115,8 @@ def _answer(
     is_matrix = len(shape) > 1
     if len(vectors) > 2 or (is_matrix and out is not None):
         return False, None
-    two = [*vectors.values(), None, None]  # the arguments b and c of `Kernel.answer`
-    result = kernel.answer(q, two[0], two[1], moment, out, threads)
+    b, c, *_ = (*vectors.values(), None, None)
+    result = kernel.answer(q, b, c, moment, out, threads)
     if is_matrix and result is not None:
         result = result.reshape(*result.shape[:-1], *shape)
     return True, result
