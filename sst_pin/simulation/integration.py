@@ -121,7 +121,8 @@ class Integration:
         while state.t < self._end and not self.stopped:
             approach = self._crossing.approach
             if approach is not None and approach.start <= state.t:
-                state = self._cross(state)  # ends the approach, or sets a later start
+                # If no step leads over the singular configuration, a nearer one is tried later.
+                state = self._cross(state)
             else:
                 state = self._advance(state)
         return self._output.samples
