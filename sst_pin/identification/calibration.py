@@ -39,8 +39,9 @@ from .geometry_measurements import Measurement, Poses, frames_of
 from .measuring_systems import with_systems
 from .urdf_origins import with_origins
 
-#: An error is hidden if the part of its column that the columns of errors before it do not explain
-#: is smaller. The first tolerance with which Newton's method converges is used.
+#: An error is hidden if the columns of errors before it explain all of its column but a part with
+#: less than this fraction of its length. The first tolerance with which Newton's method converges
+#: is used: 1e-6 is the rounding of derivatives with a margin; a part below 1e-3 tells no error.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 
 
@@ -207,9 +208,9 @@ def calibrate_with(
         >>> q = [machine.assemble(dict(zip(machine.coordinates, each))) for each in x]
         >>> z = machine.platform_pose(q)[:, 2, 3]
         >>> heights = sst_pin.identification.Heights("platform", x, heights=z)
-        >>> motors = {f"rod_{k}{s}.x" for k in "123" for s in "ab"}
+        >>> rods = {f"rod_{k}{s}.x" for k in "123" for s in "ab"}
         >>> result = sst_pin.identification.calibrate_with(
-        ...     sst_pin.robots.delta(arm=0.15), [heights], which=sorted(motors)
+        ...     sst_pin.robots.delta(arm=0.15), [heights], which=sorted(rods)
         ... )
         >>> len(result.hidden)
         0
@@ -330,8 +331,11 @@ def _visible_errors(fit: ErrorFit, q: Array) -> tuple[Indices, ErrorEstimate]:
         _require_enough(equations, visible.size)
         try:
             return visible, fit.estimate(q, visible, noise)
-        except InputError:  # no convergence
-            continue
+        except InputError as error:
+            # Too few values for a noise are the caller's: fewer errors must not hide that.
+            if error.name == "noise":
+                raise
+            continue  # Newton's method did not converge
     visible = independent(A, _TOLERANCES[-1])
     _require_enough(equations, visible.size)
     return visible, fit.estimate(q, visible, noise)

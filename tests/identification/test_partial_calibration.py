@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin.errors import InputError
 from sst_pin.identification import Distances, Heights, Poses, calibrate, calibrate_with
+from sst_pin.identification.error_fit import ErrorFit
 from tests.support.files import ROOT
 from tests.support.standard_errors import RUNS, assert_deviations_are_those_of_errors
 
@@ -215,6 +216,19 @@ def test_errors_of_a_printer_have_the_standard_deviations_of_the_result(count):
     # Within four standard deviations: each run has as many degrees of freedom as values to spare.
     spare = RUNS * (count - len(SEEN))
     assert_allclose(np.mean(np.square(noises)), 1e-10, rtol=4 * np.sqrt(2 / spare))
+
+
+def test_values_that_are_too_few_for_their_noise_are_refused_at_once(monkeypatch):
+    """Three heights that tell three errors leave none for their noise; hiding errors is no cure."""
+    drawn, _, x, poses = delta()
+    coarse = Poses("platform", x, poses=poses, noise=(1.0, 1.0))
+    heights = Heights("platform", x[:3], heights=poses[:3, 2, 3])
+    fits = []
+    estimate = ErrorFit.estimate
+    monkeypatch.setattr(ErrorFit, "estimate", lambda *x: fits.append(x) or estimate(*x))
+    with pytest.raises(InputError, match="noise: 3 values are too few to estimate it"):
+        calibrate_with(drawn, [coarse, heights], which=MOTORS)
+    assert len(fits) == 1
 
 
 def test_wrong_measurements_are_refused():
