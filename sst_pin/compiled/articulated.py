@@ -46,7 +46,11 @@ class Group(NamedTuple):
 
 
 def groups(tree: LinkTree, L: Sequence[Sparse], tied: Iterable[Iterable[int]]) -> list[Group]:
-    """All groups, each before the group that its base is in. Rates that are tied share a group."""
+    """All groups, each before the group that its base is in.
+
+    Rates that are tied share a group although they move no link together, as those whose inertia
+    is coupled by the mass of a line.
+    """
     sets = _DisjointSets()
     for link in tree.links:
         sets.unite(link.v)
@@ -59,8 +63,8 @@ def groups(tree: LinkTree, L: Sequence[Sparse], tied: Iterable[Iterable[int]]) -
         united = False
         for representative, links in _links_by_set(tree, sets).items():
             base, between = _base_of(tree, links)
-            # Links between the base and these links belong to the group. This may unite groups,
-            # whose bases are then looked for again.
+            # Links between the base and these links belong to the group. If this unites groups,
+            # the result is dropped, and the bases of all groups are looked for again.
             for i in between:
                 united |= sets.unite((representative, *tree.links[i].v))
             coordinates = []
@@ -70,7 +74,8 @@ def groups(tree: LinkTree, L: Sequence[Sparse], tied: Iterable[Iterable[int]]) -
                     coordinates.append(k)
             result.append(Group(base, links, coordinates))
         if not united:
-            # A group hangs on a link of another one only if its base comes later.
+            # If a group hangs on a link of another group, its base is a link of that group, and
+            # so it comes later than the base of that group, which carries all its links.
             return sorted(result, key=lambda group: -group.base)
 
 
@@ -174,8 +179,9 @@ class ArticulatedBodies:
     def solve(self, b: SX) -> SX:
         """x with L^T M L x = b, for each column of b."""
         count = b.shape[1]
-        # From the tips: y = D^-1 (b - sum t_i^T w_i), with the wrenches w_i on links by what hangs
-        # on them.
+        # From the tips: y = D^-1 (b - sum t_i^T w_i), where the wrench w_i is what link i must
+        # exert on what hangs on it, and w_base += sum X_i^T w_i + F y. These are the bias forces
+        # of Featherstone's algorithm.
         wrenches = [SX(6, count) for _ in self._links]
         y = list[SX]()
         for group, t, F, D, _, _ in self._eliminations:

@@ -50,8 +50,8 @@ class SymbolicParameters:
         massive = [complete or np.any(x.toDynamicParameters()) for x in model.inertias]
         self.bodies = tuple(i for i in range(1, model.njoints) if massive[i])
         values = _of_joints(mechanism)
-        #: Indices of the rates that have each quantity of a joint; of references of springs those
-        #: of entries of q.
+        #: Indices of the rates that have each quantity of a joint. References of springs are
+        #: positions: for them, the indices are those of entries of q.
         self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
         self.joints["spring_reference"] = _entries_with_springs(mechanism)
         if complete:
@@ -106,9 +106,11 @@ class SymbolicParameters:
         return tuple(names)
 
     def by_parameters(self) -> list[Array]:
-        """Derivatives by the dynamic parameters of bodies, rates (offsets left out) and lines.
+        """Derivatives of all numbers by the parameters of `dynamics.regressor`, without offsets.
 
-        The numbers must be `complete`.
+        The blocks have shape (size, columns) and stand in the order of the regressor: bodies, four
+        quantities of rates, lines. The numbers must be `complete`, and the springs of the mechanism
+        those of `regressor.with_springs`.
         """
         units = np.eye(self.size)
         end = _FIRST_BODY + BODY * len(self.bodies)
