@@ -9,6 +9,7 @@ from ..summaries import listed
 from .acting_elements import plugin_problem, texts_of
 from .joint_graph import WORLD
 from .problems import is_true, stands_for, warning
+from .sdf_joints import DRAKE_MIMIC, has_one_axis
 from .sdf_model import SdfModel, holds_own_link
 from .tool_elements import is_weld
 
@@ -116,8 +117,12 @@ def _note_elements_of_tools(model: SdfModel) -> None:
             model.notes.append(warning(f"<{element.tag}>", text))
     for joint in joints:
         for part in joint.iter():
-            is_of_tool = ":" in part.tag and part.tag not in _OF_MOTORS
-            if is_of_tool and not stands_for(part.text or "", 0):
+            if ":" not in part.tag or part.tag in _OF_MOTORS:
+                continue
+            if part.tag == DRAKE_MIMIC and has_one_axis(joint):  # `sdf_joints` reads it
+                continue
+            # Without a text, the numbers may be in attributes or elements.
+            if part.attrib or len(part) or not stands_for(part.text or "", 0):
                 where = f"joint {joint.get('name')}"
                 model.notes.append(warning(where, f"<{part.tag}> is not read"))
 

@@ -28,6 +28,8 @@ _AXES = {
     "universal": 2,
     "revolute2": 2,
 }
+#: Drake's element of a joint that follows another one; it is for joints of one axis.
+DRAKE_MIMIC = "drake:mimic"
 _KINDS = (*_AXES, "ball", "fixed", "gearbox")
 #: Limits of an axis, with their values if the file has none. An effort or a rate of 0 is no limit.
 _LIMITS = {"lower": -np.inf, "upper": np.inf, "effort": 0.0, "velocity": 0.0}
@@ -143,7 +145,10 @@ class _Joints:
         if limit["lower"] > limit["upper"]:
             self._model.refuse(joint, "its lower limit is above the upper one")
         mimic = self._mimic(joint, axis)
-        return Axis(self._direction(joint, tag), limit, dynamics, mimic)
+        drake_mimic = self._drake_mimic(joint)
+        if mimic and drake_mimic and mimic != drake_mimic:
+            self._model.refuse(joint, f"its <mimic> and its <{DRAKE_MIMIC}> differ")
+        return Axis(self._direction(joint, tag), limit, dynamics, mimic or drake_mimic)
 
     def _mimic(self, joint: ET.Element, axis: ET.Element) -> dict[str, str]:
         """How an axis follows another one, as attributes of a URDF's `<mimic>`; else empty.
@@ -161,6 +166,23 @@ class _Joints:
             "multiplier": repr(multiplier),
             "offset": repr(offset - multiplier * reference),
         }
+
+    def _drake_mimic(self, joint: ET.Element) -> dict[str, str]:
+        """How Drake lets a joint follow another one, as `_mimic` has it; else empty."""
+        if not has_one_axis(joint):
+            return {}
+        element = joint.find(DRAKE_MIMIC)
+        if element is None:
+            return {}
+        mimic = {"joint": self._axis_name(element.get("joint", ""), "axis")}
+        for key, default in (("multiplier", "1"), ("offset", "0")):
+            text = element.get(key, default)
+            value = numbers(text, 1)
+            if value is None:
+                self._model.refuse(joint, f"its <{DRAKE_MIMIC} {key}={text!r}> is not a number")
+            else:
+                mimic[key] = repr(float(value[0]))
+        return mimic
 
     def _direction(self, joint: ET.Element, tag: str) -> Array:
         """The direction of an axis, in the joint's frame; z if the file has no axis."""
@@ -259,6 +281,11 @@ def welds_of(model: SdfModel) -> list[GraphJoint]:
             name = f"detachable_{number}"
             welds.append(GraphJoint(name, "fixed", parent, child, on_parent, pin.SE3.Identity()))
     return welds
+
+
+def has_one_axis(joint: ET.Element) -> bool:
+    """Whether the type of a joint has one axis."""
+    return _AXES.get(joint.get("type", "")) == 1
 
 
 class _Hinge(NamedTuple):

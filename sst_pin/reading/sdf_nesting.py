@@ -20,6 +20,7 @@ _ATTRIBUTES = {
     "frame": ("attached_to",),
     "xyz": ("expressed_in",),
     "mimic": ("joint",),
+    "drake:mimic": ("joint",),
 }
 _TEXTS = ("parent", "child", "gearbox_reference_body")
 

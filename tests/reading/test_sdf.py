@@ -199,6 +199,20 @@ def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
     assert q[1] == pytest.approx(2 * (0.4 - 0.3) + 0.1, abs=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.*no configuration is named home")
+def test_a_mimic_of_drake_is_multiplier_times_the_leader_plus_offset(tmp_path):
+    follows = '<drake:mimic joint="j_a" multiplier="{}" offset="0.1"/>'
+    same = '<mimic joint="j_a"><multiplier>2</multiplier><offset>0.1</offset></mimic>'
+    j_a = joint("j_a", "revolute", "world", "a", axis("1 0 0"))
+    j_b = joint("j_b", "revolute", "a", "b", axis("1 0 0", same) + follows)
+    for parts in (j_b, j_b.replace(same, "")):
+        chain = chain_of(sdf(A, B, j_a, parts.format(2)), tmp_path, "j_a")
+        assert chain.assemble({"j_a": 0.4})[1] == pytest.approx(2 * 0.4 + 0.1, abs=1e-12)
+    for multiplier, told in (("3", "differ"), ("two", "'two'> is not a number")):
+        with pytest.raises(sst_pin.DescriptionError, match=told):
+            chain_of(sdf(A, B, j_a, j_b.format(multiplier)), tmp_path)
+
+
 DECAY = "<velocity_decay><linear>.5</linear></velocity_decay>"
 SPRING = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
 LIMITS = "<limit><lower>2</lower><upper>1</upper></limit>"
@@ -347,6 +361,7 @@ def told_of(text: str, tmp_path) -> tuple[sst_pin.ClosedChain, str]:
         ("</model>", "</model><include><uri>box</uri></include>", "in <world>: box is not read"),
         ("</link>", f"</link>{BUSHING}", "<drake:linear_bushing_rpy>: of a is not read"),
         ("<axis>", f"{ROTOR}<axis>", "joint j: <drake:rotor_inertia> is not read"),
+        ("<axis>", '<tool:spring k="3"/><axis>', "joint j: <tool:spring> is not read"),
         ("<inert", "<gravity>false</gravity><inert", ""),
     ],
 )
