@@ -71,11 +71,14 @@ class MotorLimits:
         accelerations = 0
         if self.accelerations is not None:
             accelerations = len(self.chain.motor_names)
+        # Factors of torques depend on the units. If those of accelerations were 1, the rows of
+        # one kind could count as zero beside the other.
+        size = np.abs(torques).sum(axis=-1).max(initial=0.0) or 1.0
         # Block diagonal: sums of torques first, then each acceleration by itself.
         _, sums, columns = torques.shape
         factors = np.zeros((len(q), sums + accelerations, columns + accelerations))
         factors[:, :sums, :columns] = torques
-        factors[:, sums:, columns:] = np.eye(accelerations)
+        factors[:, sums:, columns:] = size * np.eye(accelerations)
         return factors
 
     def speeds(self, q: Array, va: Array) -> Array:

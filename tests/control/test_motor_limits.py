@@ -8,6 +8,7 @@ from scipy.optimize import linprog
 
 import sst_pin
 from sst_pin import robots
+from sst_pin.control.path_limits import MotorLimits
 from tests.control.test_timing import wave
 from tests.support import any_chain
 from tests.support.files import load
@@ -51,6 +52,22 @@ def least_of_largest(A, f, limits):
         bounds=[(None, None)] * motors + [(0, None)],
     )
     return result.x[-1]
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_limits_that_do_not_bind_leave_the_parts_of_other_limits_as_they_are(unit):
+    """Three of six motors are surplus: the factors of torques vary as 1 / unit^3."""
+    chain = motors_everywhere()
+    q = chain.generic_configuration()[None]
+    rest = np.zeros((1, chain.degrees_of_freedom))
+    aa = unit * np.ones_like(rest)
+    torques, accelerations = 10 * unit, 10 * unit
+    by_torques = MotorLimits(chain, torques, None, None).used(q, rest, aa)
+    by_accelerations = MotorLimits(chain, None, None, accelerations).used(q, rest, aa)
+    of_both = MotorLimits(chain, torques, None, 1e4 * unit).used(q, rest, aa)
+    assert of_both == pytest.approx(by_torques, rel=1e-9)
+    of_both = MotorLimits(chain, 1e4 * unit, None, accelerations).used(q, rest, aa)
+    assert of_both == pytest.approx(by_accelerations, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", CHAINS)
