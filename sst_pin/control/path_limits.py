@@ -40,6 +40,8 @@ class MotorLimits:
         self.accelerations = self._bounds("accelerations", accelerations)
         if self.torques is None and self.accelerations is None:
             raise InputError("torques, accelerations", "give limits of torques or accelerations")
+        if self.accelerations is not None:
+            self._require_rest_inside(self.accelerations)
         if accelerations is not None and chain.mechanism.lines.actuation.any():
             raise InputError("accelerations", "not for motors on lines")
 
@@ -51,6 +53,14 @@ class MotorLimits:
         if name != "torques" and not (bounds * (-1, 1) > 0).all():
             raise InputError(name, "zero must lie within the limits")
         return bounds
+
+    def _require_rest_inside(self, accelerations: Array) -> None:
+        """Refuse limits one of whose ends is so small that the margin at grid points passes it."""
+        too_near = np.abs(part_of(np.zeros(len(accelerations)), accelerations)) > 1 - MARGIN
+        if too_near.any():
+            motors = listed([self.chain.motor_names[k] for k in np.flatnonzero(too_near)])
+            text = f"{motors}: one limit is less than {MARGIN / 2:.3%} of the range; enlarge it"
+            raise InputError("accelerations", text)
 
     def parts(self, q: Array, va: Array, aa: Array) -> Array:
         """Parts of the limits of torques, then of accelerations, shape (N, k)."""
@@ -82,7 +92,10 @@ class MotorLimits:
         return factors
 
     def speeds(self, q: Array, va: Array) -> Array:
-        """Parts of the limits of rates, shape (N, k)."""
+        """Parts of the limits of rates, shape (N, 2 motors); without limits zeros, shape (N, 1).
+
+        Each motor has its rate divided by its least rate, then by its largest one: at most 1.
+        """
         if self.rates is None:
             return np.zeros((len(q), 1))
         parts = self.chain.motor_rates(q, va)[:, :, None] / self.rates
@@ -124,9 +137,12 @@ class MotorLimits:
 
     def require_rest(self, q: Array) -> None:
         """Refuse ends of a path, shape (2, nq), where the motors cannot hold the robot."""
-        factors = self.factors(q)
+        if self.torques is None:
+            return
         rest = np.zeros((2, self.chain.degrees_of_freedom))
-        sums = sums_of(factors, self.parts(q, rest, rest))
+        torques = self.chain.compute_torques(q, rest, rest)
+        factors = factors_of_sums(self.chain.preload_directions(q), self.torques)
+        sums = sums_of(factors, part_of(torques, self.torques))
         for end, name in enumerate(("start", "end")):
             over = np.flatnonzero(np.abs(sums[end]) > 1 - MARGIN)
             if len(over):

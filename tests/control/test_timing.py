@@ -156,6 +156,13 @@ def test_too_few_motors_are_refused_by_name():
         sst_pin.time_optimal(poor, wave(lift), torques=5.0)
 
 
+@pytest.mark.parametrize("torques", [None, 1e6])
+def test_a_limit_of_accelerations_that_is_almost_zero_is_refused_by_name(torques):
+    limits = [[-1e-5, 1.0]]
+    with pytest.raises(sst_pin.InputError, match="joint: one limit is less"):
+        sst_pin.time_optimal(cart(), WAY, torques=torques, accelerations=limits)
+
+
 @pytest.mark.slow
 def test_accelerations_of_motors_on_lines_are_refused_by_name():
     model = one_body(pin.JointModelRY(), (1, 0, 0))
