@@ -44,15 +44,17 @@ def torque_shares(robot: ClosedChain, tau: Array) -> Array:
 def contact_forces(robot: ClosedChain, forces: Array) -> ShownForces:
     """Forces of contacts, shape (n, contacts, 3), as shares of the longest arrow."""
     sizes = np.linalg.norm(forces, axis=2, keepdims=True)
+    largest = float(sizes.max(initial=0.0))
+    if largest == 0:
+        return ShownForces(forces, [contacts_of(robot, forces)], "No forces on contacts.")
     # An impact is hundreds of times larger than the forces of standing: longer arrows are cut.
     model = robot.mechanism.model
-    weight = np.linalg.norm(model.gravity.linear) * sum(body.mass for body in model.inertias)
-    longest = float(sizes.max())
+    mass = sum(body.mass for body in model.inertias[1:])  # the first one is fixed to the world
+    weight = float(np.linalg.norm(model.gravity.linear)) * mass
+    longest = largest
     if weight > 0:
-        longest = min(longest, float(_MOST_WEIGHTS * weight))
-    if longest == 0:
-        longest = 1.0
-    more = " or more" if sizes.max() > longest else ""
+        longest = min(largest, _MOST_WEIGHTS * weight)
+    more = " or more" if largest > longest else ""
     note = (
         f"Green arrows: forces on what touches a ground; the longest is "
         f"{three_digits(longest)}\xa0N{more}. Lengths grow with the square root."
@@ -89,23 +91,26 @@ def reaction_forces(
     # A force is drawn if a part of it is unique in all samples.
     is_drawn = unknown_directions < 3
     forces = np.where(is_drawn[:, None], forces, 0.0)
-    largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
+    largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0))
 
     curves = []
     notes = []
     if is_drawn.any():
         curves.append(forces_of(w.names, forces, is_drawn))
-        notes.append(
-            f"Dark arrows: forces of joints on what they carry; the largest is "
-            f"{three_digits(largest)}\xa0N. Lengths grow with the square root."
-        )
+        if largest == 0:
+            notes.append("No forces in joints.")
+        else:
+            notes.append(
+                f"Dark arrows: forces of joints on what they carry; the largest is "
+                f"{three_digits(largest)}\xa0N. Lengths grow with the square root."
+            )
     not_unique = []
     for k, name in enumerate(w.names):
         if unknown_directions[k]:
             not_unique.append(name + _directions(is_unknown[k], int(unknown_directions[k])))
     if not_unique:
         notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
-    return ShownForces(forces / largest, curves, " ".join(notes))
+    return ShownForces(forces / (largest or 1.0), curves, " ".join(notes))
 
 
 def _directions(is_unknown: Flags, count: int) -> str:

@@ -10,6 +10,7 @@ from sst_pin import Contact, robots
 from sst_pin.cli import main
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.arrows import reaction_arrows
+from sst_pin.viewer.force_shares import contact_forces, reaction_forces
 from sst_pin.viewer.robot_scene import Scene
 from tests.gallery.touching import block_on_slope, frame, tree
 from tests.support.oblique import with_oblique_axes
@@ -266,3 +267,19 @@ def test_the_view_frames_the_path_of_the_frame_that_is_asked_for():
     assert not any("trail" in path for _, path, _ in viewer._drawing.buffer.commands)
     with pytest.raises(sst_pin.UnknownNameError, match="frame 'hand'"):
         Viewer(chain, frame="hand")
+
+
+def test_notes_of_forces_are_about_moving_bodies_and_say_when_there_are_no_forces():
+    """A ball of 1 kg; what is fixed to the world has a mass too."""
+    model = tree(("z", pin.JointModelPZ(), 1.0, 0.1))
+    frame(model, "ball", "z", (0, 0, 0))
+    model.inertias[0] = pin.Inertia(1e3, np.zeros(3), np.eye(3))
+    ball = sst_pin.ClosedChain(model, [], ["z"], contacts=[Contact("ball", radius=0.1)])
+    impact = contact_forces(ball, np.full((2, 1, 3), 1e3))
+    assert "the longest is 19.6\xa0N or more" in impact.note  # twice the weight
+    none = contact_forces(ball, np.zeros((2, 1, 3)))
+    assert (none.note, none.shares.any()) == ("No forces on contacts.", False)
+    model.gravity.linear = np.zeros(3)
+    floating = sst_pin.ClosedChain(model, [], ["z"])
+    zeros = np.zeros((2, 1))
+    assert reaction_forces(floating, zeros, zeros, zeros, None, None).note == "No forces in joints."
