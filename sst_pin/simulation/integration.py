@@ -42,8 +42,8 @@ class _Target(NamedTuple):
     Attributes:
         time: Time, [s].
         torques_change: Whether sampled torques change there.
-        repeats: How often the time was set back: by each irregular step before the target is
-            reached, to just before its irregular part.
+        repeats: How many irregular steps have set the time back, each to just before its irregular
+            part.
     """
 
     time: float
@@ -224,7 +224,8 @@ class Integration:
         - Otherwise it is integrated again until just before the irregular part of the step, because
           a part of a step is less exact than a step. `_make_steps` then changes the coordinates
           there, or ends the motion.
-        - If no part of the step is regular, this is done at once.
+        - If no part of the step is regular, the coordinates are changed, or the motion ends, at
+          once.
 
         Args:
             state: The state from which the step was made.
