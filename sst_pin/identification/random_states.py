@@ -20,8 +20,8 @@ _REGULAR = 1e2
 _STEP = 0.1
 #: Number of equal steps of a random motion.
 _STEPS = 3
-#: A random motion whose end is not good is halved at most this often.
-_HALVINGS = 6
+#: Lengths that are tried of a random motion whose ends are not good, each half of the one before.
+_LENGTHS = 6
 #: Random motions at most, for each configuration that is wanted.
 _MOTIONS = 20
 #: The start of random motions is searched in at most this number of tries.
@@ -33,13 +33,14 @@ _INSIDE = 0.75
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
-    Shapes (count, nq), (count, n), (count, n). The configurations are within the limits of the
-    robot. If no configuration nearby keeps a limit, they violate it less than their start does.
+    Shapes (count, nq), (count, n), (count, n). The configurations are near one that is as far
+    within the limits of the robot as a search leads. Limits that this one violates, they violate no
+    more than it does; they keep all others.
     With these rates and accelerations weights and inertia take torques of about the same size.
     `seed` is the seed of the random numbers.
 
     Raises:
-        ClosureError: If too few configurations can be assembled.
+        ClosureError: If too few configurations nearby are assembled, regular and within limits.
 
     Example:
         >>> chain = sst_pin.robots.four_bar()
@@ -53,8 +54,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     count = whole_number("count", count, 1)
     units = mechanism.rate_scale[mechanism.coordinates]
     start = _within_limits(chain, chain.generic_configuration(), random)
-    # A robot with a large condition number at its start has large ones elsewhere too.
-    largest = max(_REGULAR, 2 * float(chain.condition_number(start)))
+    largest = _largest_condition_number(chain, start)
     allowed = _beyond_limits(chain, start)
 
     def is_good(q: Array) -> bool:
@@ -73,8 +73,9 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         if len(configurations) == count:
             break
     if len(configurations) < count:
-        problem = f"only {len(configurations)} of {count} random configurations could be assembled"
-        raise ClosureError(f"{problem}; give motion=", float("inf"))
+        text = f"only {len(configurations)} of {count} random configurations are assembled, "
+        text += "regular and within limits; use configurations of your own"
+        raise ClosureError(text, float("inf"))
 
     # Rates and accelerations of a robot that gravity moves over its length l: v^2 / l = g.
     per_second_squared = 9.81 / mechanism.length
@@ -89,12 +90,20 @@ def _good_end(
 
     None if none of them is.
     """
-    for _ in range(_HALVINGS):
+    for _ in range(_LENGTHS):
         q = _moved(chain, start, step)
         if q is not None and is_good(q):
             return q
         step = step / 2
     return None
+
+
+def _largest_condition_number(chain: ClosedChain, start: Array) -> float:
+    """The largest condition number of configurations near a start.
+
+    A robot with a large condition number at its start has large ones elsewhere too.
+    """
+    return max(_REGULAR, 2 * float(chain.condition_number(start)))
 
 
 def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
@@ -135,6 +144,7 @@ def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator
     high = high[limited]
     units = mechanism.rate_scale[mechanism.coordinates]
     best = start
+    largest = _largest_condition_number(chain, start)
 
     def distance(q: Array) -> float:
         """The largest distance of a joint from the middle of its range; 1 is at a limit."""
@@ -146,7 +156,7 @@ def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator
         if distance(best) < _INSIDE:
             break
         q = _moved(chain, best, _STEP * random.normal(size=len(units)) * units)
-        if q is None or chain.condition_number(q) > _REGULAR:
+        if q is None or not chain.condition_number(q) < largest:  # NaN is not regular
             continue
         if distance(q) < distance(best):
             best = q
