@@ -152,12 +152,15 @@ def links_without_gravity(root: ET.Element) -> set[str]:
 
 
 def is_weightless(root: ET.Element) -> bool:
-    """Whether gravity is off for each moving link that has a mass: the robot has no gravity."""
-    moving = {child.get("link") for child in root.iterfind("joint/child")}
+    """Whether gravity is off for each link with a mass, the base left out: the robot has none.
+
+    Children of fixed joints count: the body that they are fixed to may move.
+    """
+    children = {child.get("link") for child in root.iterfind("joint/child")}
     with_mass = set[str]()
     for link in root.findall("link"):
         name = link.get("name", "")
-        if name in moving and number(link.find("inertial/mass"), "value"):
+        if name in children and number(link.find("inertial/mass"), "value"):
             with_mass.add(name)
     return bool(with_mass) and with_mass <= links_without_gravity(root)
 
