@@ -98,7 +98,7 @@ class ParametersError(SSTError, ValueError):
 
 
 class DescriptionError(SSTError):
-    """A robot description (URDF, YAML, SRDF, MJCF, model) cannot be used.
+    """A robot description (URDF, SDF, YAML, SRDF, MJCF, model) cannot be used.
 
     Attributes:
         problems: All problems, one sentence each.
