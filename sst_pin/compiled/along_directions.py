@@ -67,7 +67,7 @@ class Pass(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """A last step: the result is A^-1 times what was computed, A = P^T L D L^T P of full rank."""
+    """A last step: the result is A^-1 times what was computed, A = P L D L^T P^T of full rank."""
 
     #: Reciprocals of D, then the entries of L below its unit diagonal.
     factors: SX

@@ -21,7 +21,8 @@ LANES = 8
 def groups(equations: Equations) -> list[list[int]]:
     """The coordinates in groups, by index.
 
-    The code of all groups together is at most about twice that of a single group.
+    The code of all groups together is longer than that of a single group: about twice as long for a
+    base with limbs, and longer if limbs branch again.
     """
     return _groups(range(len(equations.L)), _moved_links(equations))
 

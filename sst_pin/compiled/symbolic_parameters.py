@@ -41,13 +41,14 @@ class SymbolicParameters:
     Gravity and the width of the sign come first. Then come the numbers of bodies, body by body, of
     joints, quantity by quantity, of lines, line by line, and last masses and dry friction of lines.
 
-    If `complete`, all bodies have mass and all joints friction and a rotor, which may be zero.
+    If `complete`, all bodies have mass, all joints friction and a rotor, and all lines a mass and
+    dry friction, which may be zero.
     """
 
     def __init__(self, mechanism: Mechanism, *, complete: bool = False) -> None:
         model = mechanism.model
-        #: Indices of Pinocchio's joints whose bodies have mass.
         massive = [complete or np.any(x.toDynamicParameters()) for x in model.inertias]
+        #: Indices of Pinocchio's joints whose bodies have mass.
         self.bodies = tuple(i for i in range(1, model.njoints) if massive[i])
         values = _of_joints(mechanism)
         #: Indices of the rates that have each quantity of a joint. References of springs are
@@ -96,9 +97,9 @@ class SymbolicParameters:
         moments = ("mass", *"xyz", "xx", "xy", "xz", "yy", "yz", "zz")
         names = [f"gravity.{axis}" for axis in "xyz"] + ["sign_width"]
         names += [f"{mechanism.model.names[i]}.{x}" for i in self.bodies for x in moments]
-        for quantity, where in self.joints.items():
+        for quantity in _JOINT:
             of = space.position_names if quantity == "spring_reference" else space.rate_names
-            names += [f"{of[k]}.{quantity}" for k in where]
+            names += [f"{of[k]}.{quantity}" for k in self.joints[quantity]]
         of_lines = ("stiffness", "rest_length", "damping", "preload")
         names += [f"{force}.{x}" for force in mechanism.lines.forces for x in of_lines]
         names += [f"{mechanism.lines.forces[k]}.mass" for k in self.massive_lines]

@@ -179,7 +179,7 @@ def reach_map(
 
     # The start.
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
-        # Coordinates without motors may have dead points where the motors have none: take others.
+        # Coordinates without motors may be dependent in poses that the motors hold: take others.
         chain = chain.with_coordinates(None)
     guess = start_of(chain.engine) if start is None else start
     q_start = chain.assemble(single_array("start", guess, (chain.mechanism.model.nq,)))
@@ -300,18 +300,19 @@ def _require_motion(A: Array, tangents: Array, grid: PoseGrid) -> None:
 
 
 def _is_stuck(A: Array, directions: Array) -> Flags:
-    """Whether the motors cannot move the frame along all of some directions, shape (...).
+    """Whether there is a direction along which the motors cannot move the frame, shape (...).
 
     A has shape (..., c, motors). The k directions are columns, shape (..., c, k). A direction d is
-    a motion of the motors if it is in the range of A: d = A A^+ d. Each direction is only linear or
-    only angular, so that its unit does not matter.
+    a motion of the motors if it is in the range of A: d = A A^+ d. Tangents of a `PoseGrid` have
+    entries of size 1, linear or angular, so that the residual has no unit. It is 0 or about 1 but
+    for rounding; the limit lies between.
     """
     residual = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
     return np.asarray(np.abs(residual).max(axis=(-2, -1)) > np.sqrt(RANK_TOLERANCE))
 
 
 def _warn_of_thin_map(A: Array, tangents: Array, grid: PoseGrid) -> None:
-    """Warn if at most poses that are reached the frame cannot move along both axes of the grid.
+    """Warn if the frame cannot move along both axes of the grid in the majority of reached poses.
 
     Args:
         A: `_motion_by_motors` at the poses that are reached, shape (k, c, motors).

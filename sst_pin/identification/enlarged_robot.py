@@ -27,7 +27,8 @@ from ..reading import Urdf
 from ..summaries import listed
 from .urdf_origins import carriers_of
 
-#: An error opens the loops if the joints leave a larger gap, free of units.
+#: An error opens the loops if the joints leave a larger gap per unit of the error, free of units.
+#: Rounding leaves far less. An error whose gap is less than a millionth is not told from noise.
 _CLOSED = 1e-6
 
 
@@ -72,7 +73,8 @@ class EnlargedRobot:
         """The errors that alone open the loops in all configurations q of the enlarged robot.
 
         The other joints can close the loops if the column of an error in Phi is a combination of
-        their columns. The part of the column outside the span of theirs is the gap.
+        their columns. The part of the column outside the span of theirs is the gap. The least gap
+        of all q counts, because in a singular configuration every error may leave a gap.
         """
         mechanism = self.chain.mechanism
         rates_of_errors = mechanism.space.rates_of(self._all_errors)
@@ -108,7 +110,9 @@ def considered_errors(
     Args:
         drawn: The robot as drawn.
         frames: Frames that measurements compare.
-        which: Names or patterns of errors; by default all errors of joints and closures.
+        which: Names or patterns of errors; by default all lengths of rods, and all displacements of
+            joints and of frames of closures and lines that `urdf` can store. Displacements of
+            measured frames count only by name: those of the frame and of its body look alike.
         urdf: A URDF that must be able to store the displacements; None for no such condition.
         unknown: Those of the frames that are not part of the robot.
     """

@@ -42,10 +42,11 @@ class CoordinateChange:
     Good coordinates have dependent columns of Phi with a small condition number. A motion keeps its
     coordinates while this number is below `limit`, and then changes to better ones.
 
-    The limit changes as follows. `settle` chooses coordinates and sets the limit for them. On the
-    way to a singular configuration, `allow_nearer` raises it. `restore` lowers it again before the
-    step over this configuration. Behind it, `settle_behind` chooses coordinates and puts the limit
-    above their condition number.
+    The limit changes as follows. `settle` chooses coordinates and sets the limit for them, at most
+    to the largest one that a user allows. On the way to a singular configuration, `allow_nearer`
+    raises it, also beyond the largest one; before the step over this configuration, `restore` puts
+    it back to the largest one if it is beyond. Behind the configuration, `settle_behind` chooses
+    coordinates and puts the limit above their condition number, which may be beyond the largest.
 
     Attributes:
         limit: Largest condition number of a regular configuration in the present coordinates.
@@ -60,7 +61,7 @@ class CoordinateChange:
 
     @property
     def at_largest(self) -> bool:
-        """Whether the limit is the largest one that a user allows; during an approach, or more."""
+        """Whether the limit is the largest one that a user allows, or beyond it."""
         return self.limit >= self._largest
 
     def settle(self, state: MotionState) -> MotionState:
@@ -82,7 +83,7 @@ class CoordinateChange:
         self.limit *= _NEAR_SINGULARITY
 
     def restore(self) -> None:
-        """Lower the limit to the largest one that a user allows, after an approach."""
+        """Put a limit beyond the largest one that a user allows back to it, after an approach."""
         self.limit = min(self._largest, self.limit)
 
     def should_settle(self, state: MotionState, *, near_singularity: bool) -> bool:
