@@ -92,7 +92,7 @@ class SampledTorque:
             raise InputError("t", problem)
         self._last = t
         self._sampling.go_on(t, lambda: (q, va))
-        return self._sampling.now
+        return self._sampling.now.copy()  # the caller may change it
 
 
 def require_distinct(period: float, times: Array) -> None:
@@ -125,7 +125,9 @@ class Sampling:
     def next_change(self, times: Array) -> float:
         """When the torques change or the function is called next, [s].
 
-        It is one of the output `times` if one is so near that only rounding can be between them.
+        It is one of the output `times` if one is so near that only rounding can be between them,
+        because periods are much longer than the rounding of times (`require_distinct`). It is after
+        the last call of `go_on`, which has done all that is due within `_SAME` periods.
         """
         period = self._torque.period
         due = self._start + self._next_period * period
@@ -149,8 +151,11 @@ class Sampling:
     def _call(self, t: float, q: Array, va: Array) -> Array:
         """Torques of one call; the first call says how many motors there are."""
         name = "torque(t, q, va)"
+        # Any shape is finite here; the shape is checked below.
         tau = finite_array(name, self._torque.function(t, q.copy(), va.copy()), ())
         if self._motors is None:
+            if tau.ndim != 1:
+                raise InputError(name, f"shape {tau.shape}, expected (motors,)")
             self._motors = len(tau)
             self.now = np.zeros(len(tau))
         return single_array(name, tau, (self._motors,)).copy()

@@ -60,3 +60,16 @@ def test_a_cart_moves_as_constant_forces_move_it_by_hand(delay):
         sst_pin.SampledTorque(spring, period, delay=delay), [0.3], [-0.1], [0, 0.111, 0.4]
     )
     assert abs(other.q[-1] - motion.q[-1]) < 1e-12  # whatever the times of the output
+
+
+def test_torques_that_a_caller_changes_do_not_change_those_that_act():
+    torque = sst_pin.SampledTorque(lambda t, q, va: [1.0], 1.0)
+    tau = torque.torque(0.0, np.zeros(1), np.zeros(1))
+    tau += 5.0
+    assert torque.torque(0.5, np.zeros(1), np.zeros(1)) == [1.0]
+
+
+def test_a_plain_number_is_no_torque_of_each_motor():
+    torque = sst_pin.SampledTorque(lambda t, q, va: 1.0, 1.0)
+    with pytest.raises(sst_pin.InputError, match=r"shape \(\), expected \(motors,\)"):
+        torque.torque(0.0, np.zeros(1), np.zeros(1))
