@@ -7,8 +7,8 @@ always do. Where rows are redundant they may not, as in three parallel bars of d
 between two bodies, or in two bars in one line: the velocities look free, but nothing moves. Such
 rates only shake the pose.
 
-If accelerations exist for random rates, all rates belong to motions. Otherwise the robot is moved
-along each of them, its loops are closed again, and the poses are compared.
+If accelerations exist for random rates, all rates are taken to belong to motions. Otherwise the
+robot is moved along each of them, its loops are closed again, and the poses are compared.
 """
 
 import numpy as np
@@ -47,8 +47,11 @@ def finite_motions(assembly: Assembly, q: Array, rates: Indices | None = None) -
     if has_accelerations(assembly, Phi, allowed):  # the loops are still at q
         return allowed
     directions = _random_basis(assembly.mechanism, allowed)
-    # Column k: what remains of a step along direction k, in the basis of the directions. For a
-    # motion it is about the unit vector k, for rates that only shake the pose it is zero.
+    # Column k: what remains of a step along direction k, in the basis of the directions. A
+    # direction mixes motions and rates that only shake the pose. Closing the loops removes the
+    # latter, so the matrix is about the projection on the motions. Its singular values are near 1
+    # or 0, and U begins with a basis of the motions. Where several motions branch, random
+    # directions close onto different branches, and the columns of all of them count.
     remaining = np.zeros((directions.shape[1], directions.shape[1]))
     for k, direction in enumerate(directions.T):
         remaining[:, k] = directions.T @ _remaining_step(assembly, q, direction, rates)
