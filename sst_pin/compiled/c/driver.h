@@ -263,21 +263,21 @@ typedef struct {
     double change;          /* largest factor by which det Phi_u changes in half a sound step */
 } stepper;
 
+/* The states or torques of step s. */
+INLINE rows at_step(const courses *all, ptrdiff_t s)
+{
+    rows result = all->at;
+    result.data += s * all->step;
+    return result;
+}
+
 /* Take torques for the kernel in x: those of step s, or so many bytes later. */
 INLINE void take_torques(const stepper *f, real *x, const courses *tau, ptrdiff_t s, ptrdiff_t later,
     ptrdiff_t first, int lanes)
 {
-    rows from = tau->at;
-    from.data += s * tau->step + later;
+    rows from = at_step(tau, s);
+    from.data += later;
     take(x + f->q + f->va, &from, first, lanes, f->tau);
-}
-
-/* The states of step s. */
-INLINE rows at_step(const courses *states, ptrdiff_t s)
-{
-    rows result = states->at;
-    result.data += s * states->step;
-    return result;
 }
 
 /* The Runge-Kutta method from the state in x, at which y are the rates. Then x and `end` are the state
