@@ -97,10 +97,13 @@ function engine(functions, data) {
   // Whether det Phi_u changes little enough to stay in the assembly mode.
   const keepsMode = (before, after) => after / before > 1 / DET_CHANGE && after / before < DET_CHANGE;
 
-  // Some outputs of a kernel; NaN if a check fails. The first check is that the loops are closed, which
-  // they are not within a step of an integrator: it does not count.
+  // Whether the checks behind the outputs of a kernel pass. The first check is that the loops are
+  // closed, which they are not within a step of an integrator: it does not count.
+  const checksPass = (y, outputs) => y.subarray(outputs + 1).every((check) => check <= 1);
+
+  // Some outputs of a kernel; NaN if a check fails.
   function valid(y, outputs, first = 0) {
-    const isGood = y.subarray(outputs + 1).every((check) => check <= 1);
+    const isGood = checksPass(y, outputs);
     return Array.from(y.subarray(first, outputs), (x) => isGood ? x : NaN);
   }
 
@@ -325,10 +328,12 @@ function engine(functions, data) {
     return efforts.map(finite);
   }
 
+  // Efforts that the sliders set; zero if they set none.
+  const sliderEfforts = () => robot.way === "sliders" ? robot.efforts : noTorques;
+
   // Whether the robot stays at rest without a hand: no acceleration is larger than rounding.
   function rests() {
-    const tau = robot.way === "sliders" ? robot.efforts : noTorques;
-    const aa = own.state_rate(robot.q, noRates, tau, noWrenches).slice(nq, nq + n);
+    const aa = own.state_rate(robot.q, noRates, sliderEfforts(), noWrenches).slice(nq, nq + n);
     const rounding = 1e-9 * data.fall / data.size;
     return robot.way !== "hold" && aa.every((x, k) => Math.abs(x) < rounding * scale[k]);
   }
@@ -491,7 +496,7 @@ function engine(functions, data) {
 
   // Efforts of the motors; with "hold" those of a critically damped spring between coordinates and goals.
   function drivenEfforts(q, va, displacement) {
-    if (robot.way !== "hold") return robot.way === "sliders" ? robot.efforts : zeros(motors);
+    if (robot.way !== "hold") return sliderEfforts();
     const aa = goal.map((to, k) => HOLD_FREQUENCY ** 2 * (to - displacement[k]) - 2 * HOLD_FREQUENCY * va[k]);
     return torques(q, noRates, aa);
   }
@@ -589,11 +594,10 @@ function engine(functions, data) {
     moveMotorGoals();
   }
 
-  // The terms of a step, or null if one of their checks fails; the first one does not count, as in `valid`.
+  // The terms of a step, or null if one of their checks fails.
   function termsOf(set, rates, W) {
     const y = set.terms(robot.q, rates, W);
-    const isGood = y.subarray(set.termsOutputs + 1).every((check) => check <= 1);
-    return isGood ? impulsive.read(set.layout, y) : null;
+    return checksPass(y, set.termsOutputs) ? impulsive.read(set.layout, y) : null;
   }
 
   // Rates of the motors by those of the coordinates: the last rows of implicit forces.
@@ -620,7 +624,7 @@ function engine(functions, data) {
     const isHeld = robot.way === "hold";
     const gains = { stiffness: isHeld ? stiffness : zeros(motors) };
     gains.damping = gains.stiffness.map((x) => HOLD_DAMPING * fall * x);
-    let efforts = robot.way === "sliders" ? robot.efforts : zeros(motors);
+    let efforts = sliderEfforts();
     if (isHeld && robot.holds) efforts = holdingTorques().map(finite); // which know of no contacts
     efforts = efforts.map((x, k) => x + gains.stiffness[k] * (motorGoals[k] - motorsMoved[k]));
     return { gains, efforts };
