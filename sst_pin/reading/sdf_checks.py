@@ -111,8 +111,10 @@ def _note_elements_of_tools(model: SdfModel) -> None:
     known_names = {part.get("name", "") for part in (*joints, *model.element.findall("frame"))}
     known_names.update(model.links)
     for element in model.element:
+        if element.tag in _HARMLESS:
+            continue
         names = sorted(known_names & texts_of(element))
-        if element.tag not in _HARMLESS and names:
+        if names:
             text = f"of {listed(names)} is not read"
             model.notes.append(warning(f"<{element.tag}>", text))
     for joint in joints:
