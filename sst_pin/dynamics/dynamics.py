@@ -27,6 +27,7 @@ from ..loops.continuity import Continuity
 from ..loops.line_kinematics import LineKinematics
 from ..loops.loops import Loops
 from ..loops.ranks import independent_rows
+from ..loops.vectors import cross
 from ..model.dry_friction import sign_of
 from ..model.mechanism import Friction, Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
@@ -208,12 +209,11 @@ class Context:
         One for each joint of the normal tree, in its axes and at its origin; see `weight_shares`.
         """
         lifts = [pin.Force.Zero() for _ in range(self.tree.model.njoints)]
-        mechanism = self.mechanism
-        if mechanism.weight_shares is not None:
-            for body, (mass, *moment) in mechanism.weight_shares.lifted(mechanism.model).items():
-                joint = self.tree.bodies[body + 1]
-                g = self.data.oMi[joint].rotation.T @ mechanism.model.gravity.linear
-                lifts[joint] = pin.Force(-mass * g, -np.cross(moment, g))
+        for body, without_weight in self.mechanism.lifted.items():
+            joint = self.tree.bodies[body + 1]
+            g = self.data.oMi[joint].rotation.T @ self.mechanism.model.gravity.linear
+            mass, moment = without_weight[0], without_weight[1:]
+            lifts[joint] = pin.Force(-mass * g, -cross(moment, g))
         return lifts
 
     def tree_inertia(self) -> Array:

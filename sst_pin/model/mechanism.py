@@ -365,6 +365,11 @@ class Mechanism:
         return read_only(1 / np.array(units))
 
     @cached_property
+    def lifted(self) -> dict[int, Array]:
+        """[mass; first moment] without weight, by bodies that lack weight; see `WeightShares`."""
+        return {} if self.weight_shares is None else self.weight_shares.lifted(self.model)
+
+    @cached_property
     def row_lengths(self) -> Array:
         """Length of the loops of each row, also if the row is in radians, shape (rows,), [m]."""
         lengths = list[float]()
