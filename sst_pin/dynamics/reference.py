@@ -106,10 +106,10 @@ class Reference(threading.local):
                 # Forces may cancel to f, which then is rounding: all of them count.
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
                 _require_finite(np.append(tau, sizes), (), ())
-                self._require_supplied(q, unsupplied, sizes)
+                self._require_supplied(unsupplied, sizes)
         return tau
 
-    def _require_supplied(self, q: Array, unsupplied: Array, sizes: Array) -> None:
+    def _require_supplied(self, unsupplied: Array, sizes: Array) -> None:
         """Refuse forces along the coordinates that no motor supplies; `sizes` tell rounding."""
         missing_at = np.flatnonzero(np.abs(unsupplied) > UNSUPPLIED * sizes)
         if not len(missing_at):
@@ -120,7 +120,7 @@ class Reference(threading.local):
         loops = self.context.loops
         scale = self.mechanism.row_scale[:, None]
         Phi = loops.Phi * scale * self.mechanism.rate_scale
-        idle = idle_rates(self.mechanism, loops, q, Phi)
+        idle = idle_rates(self.mechanism, loops, Phi)
         problem = (
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "
@@ -309,10 +309,9 @@ class Reference(threading.local):
         model = self.mechanism.model
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
         energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
-        if self.mechanism.weight_shares is not None:
-            for body, (mass, *moment) in self.mechanism.weight_shares.lifted(model).items():
-                placement = context.data.oMi[context.tree.bodies[body + 1]]
-                at_origin = mass * placement.translation + placement.rotation @ moment
-                energy += at_origin.dot(model.gravity.linear)
+        for body, (mass, *moment) in self.mechanism.lifted.items():
+            placement = context.data.oMi[context.tree.bodies[body + 1]]
+            at_origin = mass * placement.translation + placement.rotation @ moment
+            energy += at_origin.dot(model.gravity.linear)
         energy += 0 if springs.none else springs.energy(model, q)
         return np.asarray(energy + self.mechanism.lines.energy(context.lines.lengths(q)))

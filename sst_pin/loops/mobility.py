@@ -171,7 +171,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
         degrees_of_freedom=len(coordinates),
         held=held,
         loose_joints=tuple(names_of_rates[is_loose].tolist()),
-        idle_joints=idle_rates(mechanism, loops, q, np.vstack([Phi, only_shaking.T])),
+        idle_joints=idle_rates(mechanism, loops, np.vstack([Phi, only_shaking.T])),
         shaking_joints=tuple(names_of_rates[is_shaking].tolist()),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
@@ -180,7 +180,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
     )
 
 
-def idle_rates(mechanism: Mechanism, loops: Loops, q: Array, rows: Array) -> tuple[str, ...]:
+def idle_rates(mechanism: Mechanism, loops: Loops, rows: Array) -> tuple[str, ...]:
     """Rates to lock, so that no passive joint of a loop rotates freely.
 
     A rod between two balls rotates about itself while all other joints and all motors are at rest.
@@ -189,15 +189,14 @@ def idle_rates(mechanism: Mechanism, loops: Loops, q: Array, rows: Array) -> tup
 
     Args:
         mechanism: The mechanism.
-        loops: Its loops, evaluated at q.
-        q: A closed configuration.
+        loops: Its loops, evaluated at a closed configuration.
         rows: Rows that are zero in motions of joints without units: Phi of `scaled_Phi`, and more.
     """
     space = mechanism.space
     passive = _passive_joints(mechanism, loops)
     # A body on rods or with a cylinder may be the only joint that moves. But it moves them too: it
     # is the robot, and no part that rotates freely.
-    of_motors = motor_rates(mechanism, q, np.eye(len(space.rate_names)))
+    of_motors = motor_rates(mechanism, loops.q_of_model, np.eye(len(space.rate_names)))
     rows = np.vstack([rows, of_motors, _rates_of_rods_and_lines(mechanism, loops)])
     idle = list[int]()
 
