@@ -36,9 +36,10 @@ def read_mjcf(
     actuated: Sequence[Motor] | None = None,
     contacts: bool = False,
 ) -> RobotFile:
-    """Read a robot as `ClosedChain.from_mjcf`; warnings point to the caller of that method."""
+    """Read an MJCF, for `ClosedChain.from_mjcf`, and issue its warnings."""
     robot = robot_file_of(path, locked, actuated, contacts)
-    warn_of([note.text for note in robot.notes if note.severity == "warning"], robot.source)
+    texts = [problem.text for problem in robot.notes if problem.severity == "warning"]
+    warn_of(texts, robot.source)
     return robot
 
 
@@ -48,7 +49,7 @@ def robot_file_of(
     actuated: Sequence[Motor] | None = None,
     contacts: bool = False,
 ) -> RobotFile:
-    """Tree, closures and motors; `actuated` replaces the motors of the file.
+    """The robot of an MJCF; `actuated` replaces the motors of the file.
 
     With `contacts`, the contacts and ropes that nonsmooth rollouts can compute are read too.
     """
@@ -91,14 +92,13 @@ def robot_file_of(
         text = f"{moving} moving joints; at most {MOST_JOINTS} are supported"
         compiled.problems.append(text)
     _raise_problems(compiled)
-    put_home(compiled, tree, closures)  # it needs a model without problems
 
     notes = [warning("file", text) for text in dict.fromkeys(compiled.notes)]
     if not contacts:
         text = contact_note(compiled, tree)
         if text:
             notes.append(note("file", text))
-    return RobotFile(
+    robot = RobotFile(
         source=compiled.source,
         model=tree.model,
         closures=closures,
@@ -111,6 +111,8 @@ def robot_file_of(
         weight_shares=tree.weight_shares(),
         notes=tuple(notes),
     )
+    put_home(robot, tree.configuration(compiled.mj.qpos0))
+    return robot
 
 
 def _raise_problems(compiled: Compiled) -> None:
@@ -120,7 +122,7 @@ def _raise_problems(compiled: Compiled) -> None:
 
 
 def _disabled_parts(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
-    """Problems of flags that switch off closures, or motors that the file has to name."""
+    """Problems of flags that switch off closures, or motors if `actuated` names none."""
     if compiled.mj.eq_active0.any():
         for flag in ("constraint", "equality"):
             if compiled.disabled(flag):
@@ -131,7 +133,7 @@ def _disabled_parts(compiled: Compiled, actuated: Sequence[Motor] | None) -> Ite
 
 
 def _name_problems(compiled: Compiled) -> Iterator[str]:
-    """Problems of ambiguous names; raises an error for an unknown one."""
+    """Problems of ambiguous names; raises an error for an unknown locked joint or rate."""
     joints = Counter[str]()
     rates = Counter[str]()
     for joint in range(compiled.mj.njnt):

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Named configurations of an MJCF: its keyframes, and the home."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pinocchio as pin
 
+from ..arrays import Array
 from ..loops.loops import Loops
-from ..model.closures import Constraint
-from ..model.loop_groups import longest_offset
 from ..model.thresholds import CLOSURE_TOLERANCE
-from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled
+from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
+from .robot_file import RobotFile, naming
 
 #: Number of entries of `qpos` for each type of joint.
 _SIZES = {FREE: 7, BALL: 4, HINGE: 1, SLIDE: 1}
@@ -42,34 +40,50 @@ def _refuse_moved_bodies(compiled: Compiled, key: int) -> None:
     quaternions = mj.key_mquat[key].reshape(-1, 4)
     for body in map(int, np.flatnonzero(mj.body_mocapid >= 0)):
         mocap = mj.body_mocapid[body]
-        pose = [*positions[mocap], *quaternions[mocap]]
-        if not np.allclose(pose, [*mj.body_pos[body], *mj.body_quat[body]]):
+        pose = pose_of(positions[mocap], quaternions[mocap])
+        fixed_pose = pose_of(mj.body_pos[body], mj.body_quat[body])
+        if not np.allclose(pose.homogeneous, fixed_pose.homogeneous):
             text = f"it moves the mocap body {compiled.name('body', body)}, which is fixed here"
             compiled.problems.append(f"key {mj.key(key).name}: {text}")
 
 
 def _note_locked_joints(compiled: Compiled, key: int) -> None:
-    """Add a note for each locked joint to which a keyframe gives another position."""
+    """Add a note for each locked joint to which a keyframe gives another position than `qpos0`."""
     mj = compiled.mj
     for joint in range(mj.njnt):
         if not compiled.is_locked(joint):
             continue
+        kind = int(mj.jnt_type[joint])
         first = mj.jnt_qposadr[joint]
-        entries = slice(first, first + _SIZES[int(mj.jnt_type[joint])])
-        if not np.allclose(mj.key_qpos[key][entries], mj.qpos0[entries]):
+        entries = slice(first, first + _SIZES[kind])
+        position = _without_quaternion(kind, mj.key_qpos[key][entries])
+        if not np.allclose(position, _without_quaternion(kind, mj.qpos0[entries])):
             text = f"{compiled.joint_name(joint)} is locked elsewhere; its value is left out"
             compiled.notes.append(f"key {mj.key(key).name}: {text}")
 
 
-def put_home(compiled: Compiled, tree: MjcfTree, closures: Sequence[Constraint]) -> None:
-    """Make `qpos0` the home if it closes the loops and no keyframe is named home."""
-    model = tree.model
+def _without_quaternion(kind: int, qpos: Array) -> Array:
+    """The position of a joint in numbers that are equal for equal positions.
+
+    The quaternions q and -q are the same rotation, so balls and free joints have a matrix here.
+    """
+    if kind == FREE:
+        return np.asarray(pose_of(qpos[:3], qpos[3:]).homogeneous)
+    if kind == BALL:
+        return np.asarray(pose_of(np.zeros(3), qpos).rotation)
+    return qpos
+
+
+def put_home(robot: RobotFile, q: Array) -> None:
+    """Make the configuration q the home if it closes the loops and the file names no home."""
+    model = robot.model
     if not model.nv or "home" in model.referenceConfigurations:
         return
-    q = pin.normalize(model, tree.configuration(compiled.mj.qpos0))
-    loops = Loops(model, closures)
+    q = pin.normalize(model, q)
+    loops = Loops(model, robot.closures)
     loops.evaluate(q)
-    length = longest_offset(model, range(1, model.njoints), closures, ground=False) or 1.0
-    gap = np.abs(loops.f).max(initial=0.0)  # at q
-    if gap <= CLOSURE_TOLERANCE * length:
+    with naming(robot.source):
+        row_scale = robot.uncorrected_mechanism().row_scale
+    gaps = np.abs(loops.f * row_scale)  # in lengths of the loops, or [rad]
+    if gaps.max(initial=0.0) <= CLOSURE_TOLERANCE:
         model.referenceConfigurations["home"] = q

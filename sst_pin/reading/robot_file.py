@@ -25,18 +25,18 @@ class RobotFile(NamedTuple):
     """The description of a robot in its files."""
 
     source: str  #: The files, for messages.
-    model: pin.Model  #: The tree, with gravity; `referenceConfigurations` are named in the files.
+    model: pin.Model  #: The tree, with gravity, and with the configurations that the files name.
     closures: tuple[Constraint, ...]
-    actuated: Sequence[Motor]  #: Joints, lines, and fixed tendons as the share of each joint.
-    shapes: Callable[..., pin.GeometryModel]  #: From a tree to the shapes of its bodies.
+    actuated: Sequence[Motor]  #: The motors, as in the argument of `ClosedChain`.
+    shapes: Callable[..., pin.GeometryModel]  #: Makes the shapes of the bodies, from the tree.
     stiffness: Array | None = None  #: Of the joints' springs, shape (nv,).
     spring_reference: Array | None = None  #: Where these springs are relaxed, shape (nq,).
     srdf: Srdf | None = None  #: The SRDF beside a URDF.
     lines: tuple[LineForce, ...] = ()
     brakes: tuple[str, ...] = ()
     contacts: tuple[Contact | Rope, ...] = ()
-    weight_shares: Mapping[str, Array] = MappingProxyType({})  #: As `checked_shares` gives them.
-    notes: tuple[Problem, ...] = ()  #: Content of the files that is ignored.
+    weight_shares: Mapping[str, Array] = MappingProxyType({})  #: As `checked_shares` returns them.
+    notes: tuple[Problem, ...] = ()  #: Warnings and notes, such as of content that is ignored.
     open_tree: str = ""  #: A warning if the robot has no loops; else empty.
 
     @property
@@ -56,7 +56,11 @@ class RobotFile(NamedTuple):
 
     def mechanism(self) -> Mechanism:
         """The mechanism of this robot, whose dynamics are computed."""
-        mechanism = mechanism_of(
+        return with_chosen_coordinates(correct_geometry(self.uncorrected_mechanism()))
+
+    def uncorrected_mechanism(self) -> Mechanism:
+        """The mechanism with the rounded placements of the files, and without coordinates."""
+        return mechanism_of(
             copied(self.model),
             self.closures,
             motors_of(self.actuated),
@@ -72,12 +76,11 @@ class RobotFile(NamedTuple):
             contacts=contacts_of(self.contacts),
             weight_shares=self.weight_shares,
         )
-        return with_chosen_coordinates(correct_geometry(mechanism))
 
 
 @contextmanager
 def naming(source: str) -> Iterator[None]:
-    """Add the file of the robot to errors."""
+    """Put the name of the robot's file before the messages of errors."""
     try:
         yield
     except SSTError as error:

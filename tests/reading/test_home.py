@@ -14,6 +14,7 @@ import pytest
 import sst_pin
 from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.loops.start import start_of
+from sst_pin.reading.mjcf import robot_file_of
 from tests.support.files import file_of_page
 
 _SRDF = """<robot name="sst"><group_state name="home" group="all">
@@ -191,6 +192,29 @@ def test_an_mjcf_without_home_starts_where_it_is_drawn_if_its_loops_are_closed_t
     poses = sst_pin.ClosedChain.from_mjcf(path).model.referenceConfigurations
     result = {pair.key(): list(pair.data()) for pair in poses}
     assert result.get("home", []) == pytest.approx(home, abs=1e-12)
+
+
+#: A weld of two arms with a wrong angle of their relative pose, in a robot of any size.
+WELDED = """<mujoco><worldbody>
+<body name="a"><joint name="crank" axis="0 1 0"/><geom size="{size}"/></body>
+<body name="b" pos="{length} 0 0"><joint name="rocker" axis="0 1 0"/><geom size="{size}"/>
+<body name="c" pos="0 0 {length}"><joint name="elbow" axis="0 1 0"/><geom size="{size}"/></body>
+</body></worldbody><equality>
+<weld body1="a" body2="c" relpose="{length} 0 {length} 1 0 {half} 0"/></equality>
+<actuator><motor joint="crank"/></actuator></mujoco>"""
+
+
+@pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
+@pytest.mark.parametrize("length", [0.01, 1.0, 100.0])
+@pytest.mark.parametrize(("angle", "is_home"), [(5e-7, True), (5e-6, False)])
+def test_the_home_of_an_mjcf_has_closed_angles_in_a_robot_of_any_size(
+    tmp_path, length, angle, is_home
+):
+    """Errors of angles are compared in radians, errors of positions with the robot's length."""
+    path = Path(tmp_path, "welded.xml")
+    path.write_text(WELDED.format(length=length, size=length / 10, half=angle / 2))
+    poses = robot_file_of(path).model.referenceConfigurations
+    assert ("home" in [pair.key() for pair in poses]) == is_home
 
 
 def test_a_generic_configuration_lies_near_home():

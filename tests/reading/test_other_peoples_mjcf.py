@@ -59,6 +59,31 @@ def test_a_mesh_that_is_missing_is_not_needed_where_bodies_have_their_mass(tmp_p
     assert [p.severity for p in problems if "missing" in p.text] == ["warning"]
 
 
+KEYS = """<mujoco><worldbody>
+<body name="target" mocap="true" pos="1 0 0" quat="0.6 0.8 0 0"/>
+<body name="arm"><joint name="j" axis="0 1 0"/><geom size=".1"/>
+<body name="hand" pos="0 0 .3"><joint name="ball" type="ball"/><geom size=".1"/></body>
+</body></worldbody><actuator><motor joint="j"/></actuator>
+<keyframe><key name="up" qpos="1 {ball}" mpos="1 0 0" mquat="{target}"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_quaternions_of_a_keyframe_may_have_either_sign(tmp_path, sign):
+    """Of a mocap body that it does not move, and of a ball that is locked where it is."""
+    text = KEYS.format(ball=f"{sign} 0 0 0", target=f"{0.6 * sign} {0.8 * sign} 0 0")
+    chain, texts = read(text, tmp_path, locked=["ball"])
+    assert not any("key up" in text for text in texts)
+    assert chain.model.referenceConfigurations["up"] == pytest.approx([1.0])
+
+
+def test_a_keyframe_that_moves_a_fixed_body_or_a_locked_joint_is_named(tmp_path):
+    text = KEYS.format(ball="0 1 0 0", target="0.6 0.8 0 0")
+    _, texts = read(text, tmp_path, locked=["ball"])
+    assert any("key up: ball is locked elsewhere" in text for text in texts)
+    with pytest.raises(sst_pin.DescriptionError, match="it moves the mocap body target"):
+        read(text.replace('mpos="1', 'mpos="2'), tmp_path)
+
+
 def test_a_mass_that_a_missing_mesh_has_is_an_error_by_name(tmp_path):
     told = "body arm: its mass is that of the mesh m, whose file is missing"
     with pytest.raises(sst_pin.DescriptionError, match=told):
