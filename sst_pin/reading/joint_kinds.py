@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kinds of joints that a URDF lacks, such as balls and universal joints.
 
-The URDF has a joint of one axis in their place. The YAML beside it says which kind the joint has,
-as LAAS writes them. In the model, the joint is replaced by one or two joints in series.
+The URDF has a joint of one axis in place of such a joint. The YAML beside the URDF names its true
+kind, in the words of the LAAS schema, see `cuts`. In the model, one or two joints in series, the
+parts of the true joint, replace the joint of one axis.
 """
 
 import xml.etree.ElementTree as ET
@@ -19,15 +20,15 @@ from ..model.rebuilt_tree import rebuilt
 from .joint_numbers import FAR
 from .problems import Problem, number, numbers, warning
 
-#: Joints in series by the suffixes of their names; the name without suffix is that of the joint in
-#: the URDF.
+#: Joints of Pinocchio in series, by suffix. Their names are the name of the joint in the URDF with
+#: this suffix.
 JointsBySuffix = Mapping[str, Any]
 #: Revolute joints about the axes of their frame.
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 
 
 def _kinds() -> dict[str, JointsBySuffix]:
-    """The joints in series that replace a joint, by its kind; none for a joint that is fixed."""
+    """The parts of a joint, by its kind; none for a joint that is fixed."""
     ball = {"": pin.JointModelSpherical()}
     kinds: dict[str, JointsBySuffix] = {
         "FIXED": {},
@@ -51,9 +52,9 @@ def with_kinds(
 ) -> pin.Model:
     """The tree of a URDF with the true kinds of some joints.
 
-    The joints that replace a joint have its friction. A joint that turns about the axis of the
-    replaced one has its limits too. The rate of a ball about this axis has those of effort and
-    velocity.
+    All parts have the friction of the joint that they replace. Limits go to the axis that the joint
+    has in the URDF: a part that turns about this axis has all limits, and the rate of a ball about
+    this axis has the limits of effort and velocity.
 
     Args:
         model: The tree, with joints of one axis.
@@ -61,15 +62,15 @@ def with_kinds(
         kinds: Kinds of joints, by their names.
         source: The file, for messages.
     """
-    series_of = {name: KINDS[kind] for name, kind in kinds.items() if KINDS[kind]}
-    if not series_of:
+    parts_of = {name: KINDS[kind] for name, kind in kinds.items() if KINDS[kind]}
+    if not parts_of:
         return model
-    _require_new_names(model, series_of, source)
-    changes = {model.getJointId(name): Series.named(series) for name, series in series_of.items()}
+    _require_new_names(model, parts_of, source)
+    changes = {model.getJointId(name): Series.named(parts) for name, parts in parts_of.items()}
     result = rebuilt(model, changes)
-    for name, series in series_of.items():
+    for name, parts in parts_of.items():
         replaced = model.joints[model.getJointId(name)]
-        for suffix in series:
+        for suffix in parts:
             part = result.joints[result.getJointId(name + suffix)]
             rates = slice(part.idx_v, part.idx_v + part.nv)
             result.damping[rates] = model.damping[replaced.idx_v]
@@ -79,18 +80,18 @@ def with_kinds(
                 if sense:
                     result.effortLimit[rate] = model.effortLimit[replaced.idx_v]
                     result.velocityLimit[rate] = model.velocityLimit[replaced.idx_v]
-                    if part.nq == 1:
-                        _put_ends(result, part, model, replaced, sense)
+                    if part.nq == 1:  # no ball, which has no limits of its position
+                        _put_position_limits(result, part, model, replaced, sense)
     return result
 
 
 def _require_new_names(
-    model: pin.Model, series_of: Mapping[str, JointsBySuffix], source: str
+    model: pin.Model, parts_of: Mapping[str, JointsBySuffix], source: str
 ) -> None:
-    """Raise an error if a joint that replaces another one has the name of a third one."""
+    """Raise an error if a part of a joint would have the name of another joint."""
     names = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
-    for name, series in series_of.items():
-        for suffix in series:
+    for name, parts in parts_of.items():
+        for suffix in parts:
             if suffix and name + suffix in names:
                 text = f"joint {name}{suffix}: 2 have this name, a part of {name} is one of them"
                 raise DescriptionError(source, [text])
@@ -101,16 +102,25 @@ _SAME_AXIS = 1e-9
 
 
 def _axes(suffix: str) -> str:
-    """The axes about which the rates of a part with a suffix turn: a ball has no suffix."""
+    """The axes about which the rates of a part turn; a ball, which has no suffix, has three."""
     return suffix.removeprefix("_") or "XYZ"
 
 
-def _sense(root: ET.Element, joint: str, axis_name: str) -> int:
-    """How an axis X, Y or Z of its frame lies to the axis that a joint has in the URDF.
+def _joint_named(root: ET.Element, name: str) -> ET.Element | None:
+    """The joint of this name in the URDF, if there is one."""
+    for joint in root.findall("joint"):  # an XPath with the name would fail for a quotation mark
+        if joint.get("name") == name:
+            return joint
+    return None
 
-    1 means along this axis, -1 against it, 0 otherwise.
+
+def _sense(root: ET.Element, name: str, axis_name: str) -> int:
+    """The sense of an axis X, Y or Z of a joint's frame relative to the joint's axis in the URDF.
+
+    1 means the same direction, -1 the opposite one, 0 any other.
     """
-    axis = root.find(f"joint[@name='{joint}']/axis")
+    joint = _joint_named(root, name)
+    axis = None if joint is None else joint.find("axis")
     direction = numbers("1 0 0" if axis is None else axis.get("xyz", ""), 3)
     if direction is None:
         return 0
@@ -120,26 +130,30 @@ def _sense(root: ET.Element, joint: str, axis_name: str) -> int:
     return int(np.sign(cosine))
 
 
-def _put_ends(result: pin.Model, part: Any, model: pin.Model, replaced: Any, sense: int) -> None:
+def _put_position_limits(
+    result: pin.Model, part: Any, model: pin.Model, replaced: Any, sense: int
+) -> None:
     """Give a part of `result` the limits of the position that the replaced joint has in `model`.
 
     If the part turns against the axis, with the sense -1, its position has the opposite sign.
     """
-    end_1 = sense * model.lowerPositionLimit[replaced.idx_q]
-    end_2 = sense * model.upperPositionLimit[replaced.idx_q]
-    result.lowerPositionLimit[part.idx_q] = min(end_1, end_2)
-    result.upperPositionLimit[part.idx_q] = max(end_1, end_2)
+    limit_1 = sense * model.lowerPositionLimit[replaced.idx_q]
+    limit_2 = sense * model.upperPositionLimit[replaced.idx_q]
+    result.lowerPositionLimit[part.idx_q] = min(limit_1, limit_2)
+    result.upperPositionLimit[part.idx_q] = max(limit_1, limit_2)
 
 
 def lost_limits(
     root: ET.Element, kinds: Mapping[str, str], with_other_limits: Set[str]
 ) -> Iterator[Problem]:
-    """Warnings of limits in a URDF of joints whose true kind does not have their axis.
+    """Warnings of limits of a URDF that are lost, since the true joint does not have their axis.
 
-    Joints of one axis in `with_other_limits` get limits from elsewhere.
+    There is no warning for joints with a part in `with_other_limits`, names of joints to which the
+    YAML gives limits.
     """
     for name, kind in kinds.items():
-        limit = root.find(f"joint[@name='{name}']/limit")
+        joint = _joint_named(root, name)
+        limit = None if joint is None else joint.find("limit")
         suffixes = list(KINDS[kind])
         if limit is None or not suffixes:
             continue
@@ -152,7 +166,8 @@ def lost_limits(
         lower = number(limit, "lower") or 0.0
         upper = number(limit, "upper") or 0.0
         # Limits of half a turn to both sides exclude no orientation.
-        if (lower > -np.pi or upper < np.pi) and (is_ball or not has_axis):
+        has_limits = lower > -np.pi or upper < np.pi
+        if has_limits and (is_ball or not has_axis):
             lost.append(f"of {lower:g} to {upper:g}")
         for key in ("effort", "velocity"):
             value = number(limit, key) or 0.0

@@ -101,6 +101,13 @@ def test_links_without_a_joint_float_beside_the_world(tmp_path):
         assert any("link arm: no joint holds it" in text for text in texts)
 
 
+def test_the_joint_of_a_floating_link_has_a_name_of_its_own(tmp_path):
+    arm = link("arm") + link("hand") + joint("arm_floats", "arm", "hand")
+    chain, texts = read(tmp_path, link("world", ""), arm)
+    assert chain.joint_names == ("arm_floats_", "arm_floats")
+    assert any("it floats, by the joint arm_floats_" in text for text in texts)
+
+
 @pytest.mark.parametrize("word", ["spherical", "spherical_joint", "ball"])
 def test_a_ball_of_the_proposal_for_urdfdom_has_three_names(tmp_path, word):
     chain, _ = read(tmp_path, *FOUR_BAR, CUT.format(word), TRANSMISSION.format("a"))
@@ -135,6 +142,7 @@ ALMOST = [
     (DECLARED.replace("<axis", '<axis rpy="0 0 1"'), "axis rpy=... is not read"),
     (DECLARED.replace(LIMIT, ""), "joints hinge: no <limit>: read without limits"),
     (DECLARED.replace(' effort="1"', ""), "joints hinge: limit without effort: read as none"),
+    (DECLARED.replace('lower="-3" upper="3" ', ""), "joints hinge: limit without lower and upper"),
     (DECLARED.replace(link("base", ""), "").replace('"base"', '"world"'), "link world: it is"),
 ]
 
@@ -195,6 +203,18 @@ def test_limits_of_a_universal_joint_stay_with_their_axis(tmp_path, axes, more, 
     assert [told in str(warning.message) for warning in caught] == ([True] if told else [])
     problems = [p.text for p in sst_pin.validate(path) if p.where == "joint hinge"]
     assert len(problems) == bool(told)
+
+
+@pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
+def test_a_joint_of_another_kind_may_have_any_name(tmp_path):
+    """Also one with a quotation mark, such as of French."""
+    path = tmp_path / "r.urdf"
+    text = "".join(ARM).replace('"hinge"', '"axe d\'arm"')
+    path.write_text(f'<robot name="r">{text}</robot>')
+    path.with_suffix(".yaml").write_text("name_mot: []\njoint_type: {axe d'arm: ball}\n")
+    model = sst_pin.ClosedChain.from_urdf(path).model
+    assert (list(model.names)[1:], model.nv) == (["axe d'arm"], 3)
+    assert any("its limits of -3 to 3 are not used" in p.text for p in sst_pin.validate(path))
 
 
 @pytest.mark.parametrize(
