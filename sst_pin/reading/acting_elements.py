@@ -12,8 +12,10 @@ from .tool_elements import (
     ROTOR_INERTIA,
     SPRINGS,
     is_weld,
+    joined_plugin_name,
     mimic_of_ros2_control,
     one_axis_joints,
+    plugin_name,
     ros2_control_parameters,
 )
 
@@ -82,7 +84,7 @@ def texts_of(element: ET.Element) -> set[str]:
 # --- Gazebo -----------------------------------------------------------------------------------
 
 #: Elements of `<gazebo>` that move links or push them, unless they are zero or false.
-_OF_GAZEBO = (
+_ACTING_OF_GAZEBO = (
     "dampingFactor",
     "static",
     "kinematic",
@@ -94,10 +96,10 @@ _OF_GAZEBO = (
 
 
 def _gazebo(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
-    """Problems of a `<gazebo>`; its springs belong to joints."""
+    """Problems of a `<gazebo>`. `joints` are the names of all joints, which can have a spring."""
     reference = element.get("reference", "")
     where = f"gazebo {reference}".strip()
-    for path in _OF_GAZEBO:
+    for path in _ACTING_OF_GAZEBO:
         for part in element.findall(path):
             text = (part.text or "").strip()
             if not stands_for(text, 0):
@@ -114,22 +116,24 @@ def _gazebo(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
             yield from plugin_problem(plugin, where)
 
 
-#: Parts of names of plugins that exert no force, or only move motors; in lower case, without - and
-#: _, which different versions of Gazebo put at different places.
+#: Parts of `joined_plugin_name` by which plugins are known that exert no force, or only drive
+#: motors.
 _FORCELESS = re.compile(
     "altimeter|applyjointforce|battery|breadcrumb|bumper|camera|comms|contact|control|depth|"
     "detector|drive|forcetorque|gps|label|laser|lidar|magnetometer|monitor|navsat|openni|p3d|"
     "physics|projector|publisher|range|scene|sensor|sonar|steering|trajectory|usercommands|video"
 )
-#: The same for short words, which count only as a whole word: `array` and `Rayleigh` have no `ray`.
+#: The same for the short words imu and ray, in `plugin_name`. A word starts after a character that
+#: is no letter, or with a capital letter, and no small letter follows it: `array` and `Rayleigh`
+#: do not contain the word `ray`.
 _FORCELESS_WORDS = re.compile("((?<![A-Za-z])(imu|ray)|Imu|IMU|Ray)(?![a-z])")
 
 
 def plugin_problem(plugin: ET.Element, where: str) -> Iterator[Problem]:
     """A warning of a plugin of Gazebo, in a URDF or an SDF, that may exert forces."""
-    name = f"{plugin.get('name', '')} {plugin.get('filename', '')}".strip()
-    joined = re.sub("[-_]", "", name.lower())
-    if not _FORCELESS.search(joined) and not _FORCELESS_WORDS.search(name):
+    name = plugin_name(plugin)
+    is_forceless = _FORCELESS.search(joined_plugin_name(plugin)) or _FORCELESS_WORDS.search(name)
+    if not is_forceless:
         yield warning(where, f"plugin {name} is not read, nor any force of it")
 
 
@@ -161,8 +165,8 @@ def _ros2_control(element: ET.Element, candidates: set[str]) -> Iterator[Problem
             yield warning("ros2_control", f"joint {name}: mimic {leader!r} is not read")
 
 
-#: Attributes of elements of `<mujoco>` in a URDF that change masses or forces.
-_OF_MUJOCO = {
+#: Attributes that change masses or forces, by the elements of `<mujoco>` that have them.
+_ACTING_OF_MUJOCO = {
     "compiler": (
         "settotalmass",
         "boundmass",
@@ -172,7 +176,7 @@ _OF_MUJOCO = {
     ),
     "option": ("gravity", "density", "viscosity", "wind"),
 }
-#: Flags of `<option>` that switch forces or closures off.
+#: Flags of `<option>` in `<mujoco>` that switch forces or closures off.
 _FLAGS_OF_MUJOCO = (
     "gravity",
     "spring",
@@ -187,7 +191,7 @@ _FLAGS_OF_MUJOCO = (
 def _mujoco(element: ET.Element) -> Iterator[Problem]:
     """Warnings of a `<mujoco>`, which MuJoCo reads in a URDF."""
     for part in element:
-        for key in _OF_MUJOCO.get(part.tag, ()):
+        for key in _ACTING_OF_MUJOCO.get(part.tag, ()):
             value = part.get(key)
             if value is None or value in ("false", "auto"):
                 continue

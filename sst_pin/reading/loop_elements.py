@@ -33,7 +33,7 @@ from .problems import (
     unknown_parts,
     warning,
 )
-from .tool_elements import is_weld
+from .tool_elements import is_weld, is_weld_within
 
 #: The two sides of a joint of URDF+, Isaac Sim and urdfdom, by the tag of the joint.
 _SIDES = {
@@ -239,8 +239,8 @@ def _constraint_of(ball: ET.Element, index: int) -> ET.Element:
 
 def _weld(plugin: ET.Element, tree: _Tree, robot: str, index: int) -> CutJoint:
     """A `DetachableJoint` of Gazebo, which welds two links in their pose at q = 0."""
-    model = plugin.findtext("child_model", "").strip()
-    if model not in (robot, "__model__"):
+    if not is_weld_within(plugin, robot):
+        model = plugin.findtext("child_model", "").strip()
         raise ValueError(f"it holds a link of another model, {model!r}; delete it")
     parent = plugin.findtext("parent_link", "").strip()
     child = plugin.findtext("child_link", "").strip()

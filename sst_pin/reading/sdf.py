@@ -50,7 +50,7 @@ def read_sdf(root: ET.Element, source: str, name: str | None = None) -> SdfConte
     poses = {link: world.actInv(frames.pose_in_model(link)) for link in model.links}
     frame_elements = model.element.findall("frame")
     frame_names = [frame.get("name", "") for frame in frame_elements]
-    graph = JointGraph(model.element.get("name", ""), joints, poses, frame_names)
+    graph = JointGraph(model.name, joints, poses, frame_names)
     add_links(model, graph)
     for ball in model.element.findall("drake:ball_constraint"):
         graph.add_ball_constraint({part.tag: (part.text or "").strip() for part in ball})

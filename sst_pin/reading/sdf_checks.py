@@ -10,8 +10,8 @@ from .acting_elements import plugin_problem, texts_of
 from .joint_graph import WORLD
 from .problems import is_true, stands_for, warning
 from .sdf_joints import DRAKE_MIMIC, has_one_axis
-from .sdf_model import SdfModel, holds_own_link
-from .tool_elements import is_weld
+from .sdf_model import SdfModel
+from .tool_elements import is_weld, is_weld_within
 
 
 def check(model: SdfModel) -> None:
@@ -33,8 +33,8 @@ def check(model: SdfModel) -> None:
 def _require_distinct_names(model: SdfModel) -> None:
     """Add problems of links, joints or frames without a name, or with the same name."""
     for tag in ("link", "joint", "frame"):
-        names = Counter(e.get("name", "") for e in model.element.findall(tag))
-        for name, count in names.items():
+        counts = Counter(e.get("name", "") for e in model.element.findall(tag))
+        for name, count in counts.items():
             if not name:
                 model.problems.append(f"{tag}: {count} without a name")
             elif count > 1:
@@ -50,8 +50,9 @@ def note_unread(model: SdfModel, worlds: Sequence[ET.Element]) -> None:
         _note_rest_of_world(model, world)
     for parent in (*worlds, model.element):
         for plugin in parent.findall("plugin"):
-            if not (is_weld(plugin) and holds_own_link(plugin, model)):  # `sdf_joints` reads these
-                model.notes += plugin_problem(plugin, parent.tag)
+            if is_weld(plugin) and is_weld_within(plugin, model.name):
+                continue  # `sdf_joints` reads it
+            model.notes += plugin_problem(plugin, parent.tag)
     _note_forces_of_medium(model)
     _note_elements_of_tools(model)
     _note_poses_in_world(model)
@@ -68,7 +69,7 @@ def _note_rest_of_world(model: SdfModel, world: ET.Element) -> None:
 
 
 def _note_forces_of_medium(model: SdfModel) -> None:
-    """Warn of damping by a medium, of its mass, and of wind."""
+    """Warn of a medium around the links, such as water: its damping, its mass, and wind."""
     has_wind = is_true(model.element.findtext("enable_wind"))
     for link in model.links.values():
         where = f"link {link.get('name')}"

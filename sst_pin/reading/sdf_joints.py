@@ -16,8 +16,8 @@ from ..arrays import Array
 from .joint_graph import Axis, GraphJoint, axis_names
 from .problems import is_true, numbers, warning
 from .sdf_frames import MODEL
-from .sdf_model import SdfModel, holds_own_link
-from .tool_elements import is_weld
+from .sdf_model import SdfModel
+from .tool_elements import is_weld, is_weld_within
 
 #: Number of axes for each type of joint that has axes.
 _AXES = {
@@ -265,8 +265,9 @@ class _Joints:
 def welds_of(model: SdfModel) -> list[GraphJoint]:
     """The welds between two links of a model by the plugins `DetachableJoint` of Gazebo."""
     welds = list[GraphJoint]()
-    for number, plugin in enumerate(filter(is_weld, model.element.findall("plugin")), 1):
-        if not holds_own_link(plugin, model):
+    plugins = [plugin for plugin in model.element.findall("plugin") if is_weld(plugin)]
+    for number, plugin in enumerate(plugins, 1):
+        if not is_weld_within(plugin, model.name):
             continue
         where = f"plugin {plugin.get('name')}"
         ends = [plugin.findtext(tag, "").strip() for tag in ("parent_link", "child_link")]

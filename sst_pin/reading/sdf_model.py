@@ -13,6 +13,7 @@ class SdfModel:
 
     Attributes:
         element: The `<model>`.
+        name: Its name.
         links: Its links, by name.
         frames: Its frames.
         problems: What cannot be read. The readers of the model add to them.
@@ -22,16 +23,20 @@ class SdfModel:
 
     def __init__(self, element: ET.Element, is_in_world: bool) -> None:
         self.element, self.problems = without_nested_models(element)
+        self.name = self.element.get("name", "")
         self.notes = list[Problem]()
         self.links = {link.get("name", ""): link for link in self.element.findall("link")}
         self.frames = SdfFrames(self.element, is_in_world, self.problems)
 
     def refuse(self, element: ET.Element, text: str) -> None:
-        """Add a problem of an element of the model."""
+        """Add a problem with an element of the model."""
         self.problems.append(f"{element.tag} {element.get('name')}: {text}")
 
     def number(self, owner: ET.Element, part: ET.Element, path: str, default: float) -> float:
-        """The number at a path in a part of an element; a problem of the element if it is none."""
+        """The number at a path in a part of an element, or the default without a text there.
+
+        A text that is no number adds a problem of `owner`, the element with a name.
+        """
         text = part.findtext(path, "").strip() or repr(default)
         if text.lstrip("+-").lower() in ("inf", "infinity"):
             return float(text)
@@ -40,9 +45,3 @@ class SdfModel:
             self.refuse(owner, f"{path} {text!r} is not a number")
             return default
         return float(value[0])
-
-
-def holds_own_link(plugin: ET.Element, model: SdfModel) -> bool:
-    """Whether a plugin that welds links holds one of this model, not one of another model."""
-    child_model = plugin.findtext("child_model", "").strip()
-    return child_model in (model.element.get("name", ""), "__model__")

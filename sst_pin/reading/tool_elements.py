@@ -124,8 +124,7 @@ def motors_of(root: ET.Element) -> tuple[str, ...]:
         if joint.find("command_interface") is not None:
             driven.append(joint.get("name", ""))
     for plugin in root.findall("gazebo/plugin"):
-        name = f"{plugin.get('name')} {plugin.get('filename')}".lower()
-        if _DRIVING_PLUGIN.search(re.sub("[-_]", "", name)):
+        if _DRIVING_PLUGIN.search(joined_plugin_name(plugin)):
             driven += [(joint.text or "").strip() for joint in plugin.findall("joint_name")]
     followers = {mimic.follower for mimic in mimics_of(root)}
     can_have_motor = one_axis_joints(root) - followers
@@ -165,9 +164,24 @@ def is_weightless(root: ET.Element) -> bool:
     return bool(with_mass) and with_mass <= links_without_gravity(root)
 
 
-# --- welds ------------------------------------------------------------------------------------
+# --- plugins of Gazebo, in a URDF or an SDF -----------------------------------------------------
+
+
+def plugin_name(plugin: ET.Element) -> str:
+    """The name of a plugin and the name of its file, as far as it has them."""
+    return f"{plugin.get('name', '')} {plugin.get('filename', '')}".strip()
+
+
+def joined_plugin_name(plugin: ET.Element) -> str:
+    """The plugin's name in lower case, without - and _: versions of Gazebo put them differently."""
+    return re.sub("[-_]", "", plugin_name(plugin).lower())
 
 
 def is_weld(plugin: ET.Element) -> bool:
-    """Whether a plugin of Gazebo is a `DetachableJoint`, which welds two links."""
-    return "detachable" in f"{plugin.get('name')} {plugin.get('filename')}".lower()
+    """Whether a plugin is a `DetachableJoint`, which welds two links in their pose at q = 0."""
+    return "detachable" in plugin_name(plugin).lower()
+
+
+def is_weld_within(plugin: ET.Element, model: str) -> bool:
+    """Whether the child of a `DetachableJoint` is a link of this model, not of another model."""
+    return plugin.findtext("child_model", "").strip() in (model, "__model__")
