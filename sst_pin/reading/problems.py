@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Problems of files, and readers of numbers that report them."""
+"""Problems of files, and functions that read numbers and attributes from the texts of files.
+
+Functions that read a text return None for a text that is wrong, or raise a ValueError, which
+`collecting_problems` adds to a list of problems.
+"""
 
 import re
 import xml.etree.ElementTree as ET
@@ -19,8 +23,11 @@ from ..summaries import listed
 
 #: Texts that urdfdom and MuJoCo read as the same number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-#: Similarity of names above which one is taken for a misspelling of the other.
-_ALIKE = 0.8
+#: Least similarity, from 0 to 1, of a name to a known one of which it is taken for a misspelling:
+#: four of five letters.
+ALIKE = 0.8
+#: A shorter axis counts as zero; below 1e-154 the square of its length underflows.
+SHORTEST_AXIS = 1e-100
 
 
 @dataclass(frozen=True)
@@ -50,23 +57,24 @@ class Problem:
         return f"{self.severity}: {self.where}: {self.text}"
 
 
+#: From the worst on.
 SEVERITIES = ("error", "warning", "note")
-#: Problems of each severity, from where they are and their text.
+#: Constructors for each severity, with the arguments `where` and `text`.
 error = partial(Problem, "error")
 warning = partial(Problem, "warning")
 note = partial(Problem, "note")
 
 
 def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
-    """Problems, with notes of one text as one note of several links or joints."""
-    notes: dict[tuple[str, str], list[str]] = {}
+    """The problems, where notes of several links or joints with the same text are one note."""
+    names_by_note = dict[tuple[str, str], list[str]]()  # the note: its kind of element and its text
     for problem in problems:
         if problem.severity == "note":
-            kind, _, name = problem.where.partition(" ")
-            notes.setdefault((kind, problem.text), []).append(name)
+            kind, _, name = problem.where.partition(" ")  # "link foot"
+            names_by_note.setdefault((kind, problem.text), []).append(name)
         else:
             yield problem
-    for (kind, text), names in notes.items():
+    for (kind, text), names in names_by_note.items():
         if len(names) > 1:
             yield note(f"{kind}s {listed(names)}", text)
         else:
@@ -75,7 +83,10 @@ def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
 
 @contextmanager
 def collecting_problems(problems: list[str], where: str = "") -> Iterator[None]:
-    """Add the ValueError of a block to problems, and continue after the block."""
+    """Add the ValueError of a block to problems, and continue after the block.
+
+    The texts of problems start with `where`.
+    """
     try:
         yield
     except DescriptionError as caught:
@@ -85,7 +96,7 @@ def collecting_problems(problems: list[str], where: str = "") -> Iterator[None]:
 
 
 def numbers(text: str, count: int) -> Array | None:
-    """Finite numbers, as many as `count`; None if the text is anything else."""
+    """The numbers in a text, shape (count,); None if they are not finite or not as many."""
     words = text.split()
     if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
         return None
@@ -94,12 +105,12 @@ def numbers(text: str, count: int) -> Array | None:
 
 
 def is_true(text: str | None) -> bool:
-    """Whether a text is XML's true."""
+    """Whether a text is one of the words of XML for true."""
     return (text or "").strip().lower() in ("true", "1")
 
 
 def stands_for(text: str, value: float) -> bool:
-    """Whether a text stands for a number, perhaps repeated; true and false are 1 and 0."""
+    """Whether all numbers in a text have this value, as in "0 0 0"; true and false are 1 and 0."""
     words = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
     values = numbers(words, len(words.split()))
     return values is not None and bool((values == value).all())
@@ -113,15 +124,17 @@ def unknown_parts(
     several: Collection[str] = (),
     others: bool = False,
 ) -> Iterator[str]:
-    """Faults of the parts of an element that acts: a part of another name could act too.
+    """Faults of an element that changes the motion: parts that are unknown or repeated.
+
+    Its parts are its attributes and the elements in it. An unknown one could change the motion too.
 
     Args:
         element: The element.
-        tags: Elements in it, each at most once.
-        attributes: Its attributes.
-        several: Elements of which there may be several.
-        others: Whether other tools add elements and attributes. Then only those are faults whose
-            names look like a known one.
+        tags: Tags of known elements in it, each at most once.
+        attributes: Names of its known attributes.
+        several: Tags of known elements of which there may be several.
+        others: Whether other tools may add parts. If so, an unknown part is a fault only if its
+            name looks like the misspelling of a known one.
     """
     for tag, count in Counter(child.tag for child in element).items():
         if count > 1 and tag in tags:
@@ -129,7 +142,7 @@ def unknown_parts(
     for tag in dict.fromkeys(child.tag for child in element):
         if tag in tags or tag in several:
             continue
-        similar = get_close_matches(tag.lower(), [*tags, *several], 1, _ALIKE)
+        similar = get_close_matches(tag.lower(), [*tags, *several], 1, ALIKE)
         if similar:
             yield f"<{tag}> is unknown; did you mean {similar[0]}?"
         elif not others:
@@ -137,7 +150,7 @@ def unknown_parts(
     for key in element.attrib:
         if key in attributes or key.startswith("xmlns"):
             continue
-        similar = get_close_matches(key.lower(), attributes, 1, _ALIKE)
+        similar = get_close_matches(key.lower(), attributes, 1, ALIKE)
         if similar:
             yield f"<{element.tag} {key}=...> is unknown; did you mean {similar[0]}?"
         elif not others:
@@ -146,7 +159,10 @@ def unknown_parts(
 
 
 def vector(value: object) -> Array | None:
-    """Three numbers in a list of a YAML, whose scalars are texts; None if it is anything else."""
+    """Three numbers in a list of a YAML, shape (3,); None for anything else.
+
+    The scalars of the YAML are texts.
+    """
     if not isinstance(value, list):
         return None
     for word in value:
@@ -169,13 +185,13 @@ def attribute(element: ET.Element, path: str) -> str:
 
 
 def direction(text: str) -> Array:
-    """A unit vector, shape (3,); a ValueError for anything else."""
+    """The unit vector with the direction of three numbers, shape (3,); a ValueError without one."""
     axis = numbers(text, 3)
-    if axis is None or not np.linalg.norm(axis) > 1e-100:
+    if axis is None or not np.linalg.norm(axis) > SHORTEST_AXIS:
         raise ValueError(f"axis {text!r} is not a direction")
     return axis / np.linalg.norm(axis)
 
 
 def placement(xyz: Array, rpy: Array) -> pin.SE3:
-    """A frame by its origin and its roll, pitch and yaw."""
+    """The placement of a frame, by its origin [m] and its roll, pitch and yaw [rad]."""
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Poses of the frames of an SDF's model, and the links that the frames are fixed to.
 
-Links, joints and `<frame>`s have frames. Each pose is relative to another frame: the one that the
-pose names; else for a joint the frame of its child, for a `<frame>` the one that it is attached to,
-for a link that of the model.
+Links, joints and `<frame>`s have frames. Each pose is relative to a reference frame, which the pose
+can name. Otherwise a joint has the frame of its child as reference, a `<frame>` has the frame that
+it is attached to, and a link has the frame of the model.
 """
 
 import xml.etree.ElementTree as ET
@@ -19,10 +19,15 @@ MODEL = "__model__"
 
 
 class SdfFrames:
-    """The frames of a model; problems are added to the caller's list.
+    """The frames of a model.
 
-    `elements` are the elements with frames, by name. `is_in_world` says whether the model is in a
-    `<world>`.
+    Args:
+        model: The `<model>`.
+        is_in_world: Whether the model is in a `<world>`.
+        problems: The list to which problems are added.
+
+    Attributes:
+        elements: The elements with frames, by name.
     """
 
     def __init__(self, model: ET.Element, is_in_world: bool, problems: list[str]) -> None:
@@ -37,18 +42,20 @@ class SdfFrames:
         # Poses in the frame of the model, by name. None marks a pose that is being computed.
         self._poses: dict[str, pin.SE3 | None] = {MODEL: pin.SE3.Identity()}
         # The pose of the model says where its placement frame is in the world.
-        placement_frame = self.pose_in_model(model.get("placement_frame") or MODEL)
+        placement_in_model = self.pose_in_model(model.get("placement_frame") or MODEL)
         placement_in_world = self._pose_of_part(model, model)
-        self._poses[WORLD] = placement_frame * placement_in_world.inverse()
+        world_in_placement = placement_in_world.inverse()
+        self._poses[WORLD] = placement_in_model * world_in_placement
 
     def pose_in_model(self, name: str) -> pin.SE3:
-        """The pose of a frame in the frame of the model."""
+        """The pose of a frame in the frame of the model; a problem if there is none."""
         if name not in self._poses:
-            self._poses[name] = None
             element = self.elements.get(name)
             if element is None:
                 self._problems.append(f"frame {name} is not in this model")
+                self._poses[name] = pin.SE3.Identity()  # one problem is enough
                 return pin.SE3.Identity()
+            self._poses[name] = None  # the frames to which this pose is relative come first
             reference = _named_reference(element)
             if not reference and element.tag == "joint":
                 reference = element.findtext("child", "").strip()
@@ -62,7 +69,7 @@ class SdfFrames:
         return pose
 
     def relative_pose(self, reference: str, name: str) -> pin.SE3:
-        """The pose of a frame in another one."""
+        """The pose of a frame relative to the frame `reference`."""
         return self.pose_in_model(reference).actInv(self.pose_in_model(name))
 
     def inertia_pose(self, inertial: ET.Element, link: ET.Element) -> pin.SE3:
@@ -77,11 +84,12 @@ class SdfFrames:
         return self.relative_pose(link, reference) * self._pose(shape)
 
     def link_of(self, name: str) -> str:
-        """The link, or the world, that a link, a joint or a frame is attached to; "" if none is.
+        """The link, or the world, that a link, a joint or a frame is attached to; "" without one.
 
-        A joint is attached to its child.
+        A joint is attached to its child. A frame may be attached to another frame.
         """
-        # A frame may be attached to a frame. Longer chains go around in a circle.
+        # The chain of frames goes through the model's own frame and each element at most once;
+        # otherwise it is a circle.
         for _ in range(len(self.elements) + 2):
             if name == MODEL:
                 first_link = self._links[0] if self._links else ""
@@ -98,7 +106,11 @@ class SdfFrames:
         return ""
 
     def _pose_of_part(self, part: ET.Element, owner: ET.Element) -> pin.SE3:
-        """The pose of the model or of an inertia, which can be relative to one frame only."""
+        """The pose of the model or of an inertia.
+
+        Its reference frame is fixed, the world of the model or the link of the inertia. Another one
+        is a problem of the owner, the element with a name.
+        """
         reference = _named_reference(part)
         is_model_in_world = part is self._model and self._is_in_world and reference == WORLD
         if reference and not is_model_in_world:
@@ -107,7 +119,7 @@ class SdfFrames:
         return self._pose(part)
 
     def _pose(self, element: ET.Element) -> pin.SE3:
-        """The pose that an element has, relative to its reference frame."""
+        """The pose that is written in an element, relative to its reference frame."""
         pose = element.find("pose")
         text = "" if pose is None else pose.text or ""
         has_quaternion = len(text.split()) == 7

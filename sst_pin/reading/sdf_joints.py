@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Joints of a model of an SDF, gear boxes included.
 
-A reader of a part that is wrong adds a problem to the model.
+What is wrong with a joint becomes a problem of the model.
 """
 
 import xml.etree.ElementTree as ET
@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from .joint_graph import Axis, GraphJoint, axis_names
-from .problems import is_true, numbers, warning
+from .problems import SHORTEST_AXIS, is_true, numbers, unknown_parts, warning
 from .sdf_frames import MODEL
 from .sdf_model import SdfModel
 from .tool_elements import is_weld, is_weld_within
@@ -28,28 +28,36 @@ _AXES = {
     "universal": 2,
     "revolute2": 2,
 }
+_KINDS = (*_AXES, "ball", "fixed", "gearbox")
 #: Drake's element of a joint that follows another one; it is for joints of one axis.
 DRAKE_MIMIC = "drake:mimic"
-_KINDS = (*_AXES, "ball", "fixed", "gearbox")
 #: Limits of an axis, with their values if the file has none. An effort or a rate of 0 is no limit.
 _LIMITS = {"lower": -np.inf, "upper": np.inf, "effort": 0.0, "velocity": 0.0}
 #: Elements of an axis that exert forces.
 _ACTING = ("damping", "friction", "spring_stiffness")
-#: A shorter axis counts as zero; below 1e-154 the square of its length underflows.
-_SHORTEST_AXIS = 1e-100
 #: Rounding of the cosine of the angle between two axes that are written as parallel.
 _PARALLEL = 1e-9
 
 
 def joints_of(model: SdfModel, axes_in_model: bool) -> list[GraphJoint]:
-    """The joints of a model; gear boxes are not among them, but couple two of them.
+    """The joints of a model. A gear box is none of them: it becomes a coupling of two joints.
 
     `axes_in_model` says that axes are in the frame of the model by default, not of the joint.
     """
-    return _Joints(model, axes_in_model).joints()
+    return _JointReader(model, axes_in_model).joints()
 
 
-class _Joints:
+class _Hinge(NamedTuple):
+    """A hinge between a link and the reference body of a gear box."""
+
+    #: Its number among the joints.
+    number: int
+    #: 1 if a positive position turns the link on the body about the gear's axis; -1 if it turns it
+    #: the other way.
+    sign: float
+
+
+class _JointReader:
     """Reads the joints of a model."""
 
     def __init__(self, model: SdfModel, axes_in_model: bool) -> None:
@@ -57,7 +65,7 @@ class _Joints:
         self._axes_in_model = axes_in_model
 
     def joints(self) -> list[GraphJoint]:
-        """See `joints_of`."""
+        """All joints, some with the coupling of a gear box."""
         gears = list[ET.Element]()
         joints = list[GraphJoint]()
         for element in self._model.element.findall("joint"):
@@ -72,7 +80,7 @@ class _Joints:
         return joints
 
     def _joint(self, joint: ET.Element) -> GraphJoint | None:
-        """A joint but a gear box; None and a problem if it cannot be read."""
+        """A joint that is no gear box; None, and a problem, if it cannot be read."""
         name = joint.get("name", "")
         kind = joint.get("type", "")
         parent = self._end(joint, "parent")
@@ -99,7 +107,7 @@ class _Joints:
         )
 
     def _end(self, joint: ET.Element, side: str) -> str:
-        """The link, or the world, that a joint connects; "" if it is missing."""
+        """The link, or the world, on one side of a joint; "" and a problem if it is missing."""
         name = joint.findtext(side, "").strip()
         link = self._model.frames.link_of(name)
         if not link:
@@ -107,9 +115,9 @@ class _Joints:
         return link
 
     def _lead(self, joint: ET.Element) -> float:
-        """Metres of a screw in one turn; positive for a right-handed thread."""
+        """How far a screw slides in one turn, [m]; positive for a right-handed thread."""
         if joint.find("screw_thread_pitch") is None and joint.find("thread_pitch") is not None:
-            # The old element has rad/m, positive for a left-handed thread.
+            # This old element is an angle per distance, [rad/m], positive for a left-handed thread.
             radians_per_metre = self._model.number(joint, joint, "thread_pitch", 1.0)
             if not radians_per_metre:
                 self._model.refuse(joint, "its thread_pitch is 0")
@@ -118,7 +126,10 @@ class _Joints:
         return self._model.number(joint, joint, "screw_thread_pitch", 1.0)
 
     def _axes(self, joint: ET.Element, name: str, kind: str) -> tuple[Axis, ...]:
-        """The axes of a joint; forces about axes that the joint does not have are problems."""
+        """The axes of a joint of this kind, none for a ball and a weld.
+
+        The file may have more elements of axes. Forces in them are problems.
+        """
         count = _AXES.get(kind, 0)
         tags = ("axis", "axis2")[:count]
         unused_tags = ("axis", "axis2")[count:]
@@ -158,6 +169,9 @@ class _Joints:
         element = axis.find("mimic")
         if element is None:
             return {}
+        tags = ["multiplier", "reference", "offset"]
+        for fault in unknown_parts(element, tags=tags, attributes=["joint", "axis"]):
+            self._model.refuse(joint, fault)
         multiplier = self._model.number(joint, axis, "mimic/multiplier", 1.0)
         reference = self._model.number(joint, axis, "mimic/reference", 0.0)
         offset = self._model.number(joint, axis, "mimic/offset", 0.0)
@@ -168,12 +182,17 @@ class _Joints:
         }
 
     def _drake_mimic(self, joint: ET.Element) -> dict[str, str]:
-        """How Drake lets a joint follow another one, as `_mimic` has it; else empty."""
+        """How a joint follows another one by Drake's element, in the form of `_mimic`; else empty.
+
+        In Drake: position = multiplier * leader + offset.
+        """
         if not has_one_axis(joint):
             return {}
         element = joint.find(DRAKE_MIMIC)
         if element is None:
             return {}
+        for fault in unknown_parts(element, attributes=["joint", "multiplier", "offset"]):
+            self._model.refuse(joint, fault)
         mimic = {"joint": self._axis_name(element.get("joint", ""), "axis")}
         for key, default in (("multiplier", "1"), ("offset", "0")):
             text = element.get(key, default)
@@ -189,21 +208,24 @@ class _Joints:
         axis = _axis_element(joint, tag)
         xyz = axis.find("xyz")
         direction = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
-        if direction is None or not np.linalg.norm(direction) > _SHORTEST_AXIS:
+        if direction is None or not np.linalg.norm(direction) > SHORTEST_AXIS:
             self._model.refuse(joint, f"its <{tag}> is not a direction")
             direction = np.array([0.0, 0.0, 1.0])
-        # The frame in which the file has it: the joint's own, unless it names another one.
+        # The frame in which the file has the direction; "" is the joint's own frame.
         frame = "" if xyz is None else xyz.get("expressed_in", "")
         in_model = is_true(axis.findtext("use_parent_model_frame", str(self._axes_in_model)))
         if not frame and in_model:
             frame = MODEL
         if frame:
-            relative = self._model.frames.relative_pose(joint.get("name", ""), frame)
-            direction = relative.rotation @ direction
+            frame_in_joint = self._model.frames.relative_pose(joint.get("name", ""), frame)
+            direction = frame_in_joint.rotation @ direction
         return np.asarray(direction / np.linalg.norm(direction))
 
     def _axis_name(self, joint: str, axis: str) -> str:
-        """Name of the joint of one axis that stands for an axis of a joint."""
+        """Name of the URDF's joint for one axis, "axis" or "axis2", of the joint of this name.
+
+        A URDF has no joints of two axes; `axis_names` names the two joints that replace one.
+        """
         element = self._model.frames.elements.get(joint)
         count = 1 if element is None else _AXES.get(element.get("type", ""), 1)
         names = axis_names(joint, count)
@@ -214,11 +236,15 @@ class _Joints:
     def _with_gear(self, joints: list[GraphJoint], gear: ET.Element) -> list[GraphJoint]:
         """The joints, one of them with the coupling of a gear box.
 
-        The gear box couples the angles of two links on its reference body: angle 2, of its child
-        about axis 2, is -ratio times angle 1, of its parent about axis 1. A hinge between the link
-        and the body has this angle as its position, perhaps with the opposite sign: angle k =
-        sign_k times the position of hinge k. So hinge 2 mimics hinge 1 with the factor
-        -ratio sign_1 sign_2.
+        A gear box couples the angles of two links relative to its reference body: angle_1 of its
+        parent about axis 1, and angle_2 of its child about axis 2,
+
+            angle_2 = -ratio angle_1.
+
+        Each link turns on the body by a hinge. The axis of hinge k may be opposite to axis k, so
+        that angle_k = sign_k position_k, with sign_k = 1 or -1. Hinge 2 therefore mimics hinge 1:
+
+            position_2 = -ratio sign_1 sign_2 position_1.
         """
         body = gear.findtext("gearbox_reference_body", "").strip()
         link_of_body = self._model.frames.link_of(body)
@@ -256,7 +282,7 @@ class _Joints:
             cosine = float(frame.rotation @ joint.axes[0].direction @ gear_axis)
             if abs(abs(cosine) - 1) < _PARALLEL:  # parallel or antiparallel
                 sign = float(np.sign(cosine))
-                if joint.parent != body:  # the hinge moves the body on the link
+                if joint.parent != body:  # its position is the angle of the body on the link
                     sign = -sign
                 return _Hinge(index, sign)
         return None
@@ -270,11 +296,11 @@ def welds_of(model: SdfModel) -> list[GraphJoint]:
         if not is_weld_within(plugin, model.name):
             continue
         where = f"plugin {plugin.get('name')}"
-        ends = [plugin.findtext(tag, "").strip() for tag in ("parent_link", "child_link")]
-        unknown = [link for link in ends if link not in model.links]
+        parent = plugin.findtext("parent_link", "").strip()
+        child = plugin.findtext("child_link", "").strip()
+        unknown = [link for link in (parent, child) if link not in model.links]
         for link in unknown:
             model.problems.append(f"{where}: {link!r} is not a link of this model")
-        parent, child = ends
         if parent == child:
             model.problems.append(f"{where}: it connects {parent!r} with itself")
         elif not unknown:
@@ -287,16 +313,6 @@ def welds_of(model: SdfModel) -> list[GraphJoint]:
 def has_one_axis(joint: ET.Element) -> bool:
     """Whether the type of a joint has one axis."""
     return _AXES.get(joint.get("type", "")) == 1
-
-
-class _Hinge(NamedTuple):
-    """A hinge between a link and the reference body of a gear box."""
-
-    #: Its number among the joints.
-    number: int
-    #: 1 if a positive position turns the link on the body about the gear's axis; -1 if it turns it
-    #: the other way.
-    sign: float
 
 
 def _axis_element(joint: ET.Element, tag: str) -> ET.Element:

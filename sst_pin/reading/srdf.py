@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import DescriptionError
-from .problems import collecting_problems, numbers
+from .problems import ALIKE, collecting_problems, numbers
 from .text import parse_xml, read_text
 
 #: Elements of an SRDF. Others are left alone, unless they look like one of these.
@@ -30,6 +30,8 @@ _ELEMENTS = (
 )
 
 
+#: Largest deviation of a normalized quaternion from the length 1.
+_NORMALIZED = 1e-9
 #: Positions by the names of joints.
 _Pose = dict[str, Array]
 
@@ -64,17 +66,17 @@ class Srdf:
         poses = dict[str, _Pose]()  # by the name of the state
         for state in self._root.findall("group_state"):
             name = state.get("name", "")
-            where = f"group_state {state.get('name')}: "
+            where = f"group_state {name}: "
             if not name:
                 problems.append("a group_state has no name")
             pose = poses.setdefault(name, {})
             for element in state.findall("joint"):
                 with collecting_problems(problems, where):
                     _add_position(pose, element, model, joints)
-                    notes += _locked_elsewhere(element, pose, model, locked, where)
+                    notes += _note_of_locked_joint(element, pose, model, locked, where)
         configurations = {name: configuration(model, pose) for name, pose in poses.items()}
         for name, q in configurations.items():
-            if not pin.isNormalized(model, q, 1e-9):  # a quaternion of zeros
+            if not pin.isNormalized(model, q, _NORMALIZED):  # a quaternion of zeros
                 problems.append(f"group_state {name}: a rotation in it has no direction")
         if problems:
             raise DescriptionError(self._source, problems)
@@ -87,7 +89,7 @@ class Srdf:
         if self._root.tag != "robot":
             yield f"an SRDF starts with <robot>, not with <{self._root.tag}>"
         for tag in sorted({element.tag for element in self._root}.difference(_ELEMENTS)):
-            similar = get_close_matches(tag, _ELEMENTS, 1, 0.8)
+            similar = get_close_matches(tag, _ELEMENTS, 1, ALIKE)
             if similar:
                 yield f"<{tag}> is unknown; did you mean {similar[0]}?"
 
@@ -116,34 +118,35 @@ def _add_position(
         raise ValueError(f"{joint} has two values, {text} is one of them")
 
 
-def _locked_elsewhere(
+def _note_of_locked_joint(
     element: ET.Element, pose: _Pose, model: pin.Model, locked: Collection[str], where: str
 ) -> list[str]:
-    """A note if a state moves a locked joint.
+    """A note if a state has another position than zero of a locked joint.
 
     Raises:
-        ValueError: If it moves a joint that is fixed in the URDF.
+        ValueError: If the joint is fixed in the URDF.
     """
     joint = element.get("name", "")
     can_move = model.existJointName(joint) and joint not in locked
     if can_move or not pose[joint].any():
         return []
-    problem = f"{joint} is fixed at zero, not at {element.get('value', '')}"
+    text = f"{joint} is fixed at zero, not at {element.get('value', '')}"
     if joint not in locked:
-        raise ValueError(problem)
-    return [where + problem]
+        raise ValueError(text)
+    return [where + text]
 
 
 def _value(model: pin.Model, joints: Collection[str], joint: str, text: str) -> Array:
-    """The position of a joint, as a text in a file; one number for a joint that is fixed.
+    """The position of a joint from a text of the file: as many numbers as it has in q.
 
-    `joints` are the joints of the URDF. The YAML may replace some by two in series in the model.
+    A fixed joint has one number. `joints` are the names of the joints of the URDF. If one of them
+    is a universal joint by the YAML, the model has two joints in its place.
     """
     if model.existJointName(joint):
         size = model.joints[model.getJointId(joint)].nq
     else:
-        series = [f"{joint}_{axis}" for axis in "XYZ"]  # of a universal joint
-        parts = [part for part in series if model.existJointName(part) and part not in joints]
+        candidates = [f"{joint}_{axis}" for axis in "XYZ"]  # parts of a universal joint
+        parts = [part for part in candidates if model.existJointName(part) and part not in joints]
         if parts:
             raise ValueError(f"{joint} is {' and '.join(parts)} here")
         if joint not in joints:

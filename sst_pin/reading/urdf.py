@@ -16,20 +16,18 @@ from ..model.weight_shares import Link, shares_of_links
 from .acting_elements import unread_elements
 from .joint_kinds import with_kinds
 from .loop_elements import loop_elements
-from .problems import attribute, number, numbers, placement
+from .problems import ALIKE, attribute, number, numbers, placement
 from .sdf import read_sdf
 from .text import parse_almost_xml, read_text, with_elements
 from .tool_elements import is_weightless, joint_numbers, links_without_gravity, mimics_of
 from .urdf_checks import check
 from .urdf_defaults import WIDE, add_defaults
 
-#: Elements of a joint that a fixed joint can have, and those of a joint that moves.
-_OF_FIXED_JOINTS = ("origin", "parent", "child")
-_OF_JOINTS = (*_OF_FIXED_JOINTS, "axis", "limit", "dynamics")
+#: Parts that urdfdom reads of a fixed joint, and of a joint that moves.
+_PARTS_OF_FIXED_JOINTS = ("origin", "parent", "child")
+_PARTS_OF_JOINTS = (*_PARTS_OF_FIXED_JOINTS, "axis", "limit", "dynamics")
 #: Largest number of moving joints. Pinocchio's data have arrays with the cube of it: some 4 GB.
 MOST_JOINTS = 400
-#: Least similarity, from 0 to 1, of a name to one that is proposed for it: four of five letters.
-_SIMILAR = 0.8
 
 
 class Urdf:
@@ -41,17 +39,18 @@ class Urdf:
         gravity: In base axes, shape (3,), [m/s^2].
         numbers: Springs and rotors of its joints.
         loop_elements: Joints that close loops, and gears.
-        helpers: Links without mass that the file does not have.
-        notices: Warnings of content that is read otherwise or not at all.
-        problems: These warnings, others, and errors.
+        helpers: Names of links without mass that are added to an SDF; see `JointGraph`.
+        notices: Warnings of content that is read otherwise or not at all, for everyone who reads
+            the file.
+        problems: All errors, warnings and notes, the notices among them.
     """
 
     def __init__(self, text: str, source: str, model: str | None = None) -> None:
         self.source = source
-        self._what = "an SDF" if "<sdf" in text else "a URDF"
-        self.root, notices = parse_almost_xml(text, source, self._what)
+        self._format = "an SDF" if "<sdf" in text else "a URDF"  # for messages
+        self.root, notices = parse_almost_xml(text, source, self._format)
         self.gravity = np.array([0, 0, -9.81])
-        self._balls = list[str]()
+        self._balls = list[str]()  # names of joints of an SDF that are no hinges, but balls
         self.helpers: list[str] = []
         is_sdf = self.root.tag == "sdf"
         if is_sdf:
@@ -95,7 +94,8 @@ class Urdf:
     def weight_shares(self, model: pin.Model) -> dict[str, Array]:
         """Shares of the weights in a tree of this URDF, by joint; see `model.weight_shares`.
 
-        Links without gravity have no weight. If there are no others, the gravity is zero.
+        Links without gravity have no weight. Empty if all links have their weight, or if none has:
+        then the gravity of the robot is zero.
         """
         without_gravity = links_without_gravity(self.root)
         if not without_gravity or is_weightless(self.root):
@@ -136,7 +136,7 @@ class Urdf:
         try:
             model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:
-            raise DescriptionError(self.source, [f"not {self._what}: {error}"]) from None
+            raise DescriptionError(self.source, [f"not {self._format}: {error}"]) from None
         model = with_kinds(model, self.root, kinds, self.source)
         for frame in self.root.findall("frame"):
             _add_drake_frame(model, frame)
@@ -146,17 +146,17 @@ class Urdf:
         """The errors among the problems, as texts."""
         for problem in self.problems:
             if problem.severity == "error":
-                where = f"not {self._what}" if problem.where == "file" else problem.where
+                where = f"not {self._format}" if problem.where == "file" else problem.where
                 yield f"{where}: {problem.text}"
 
     def _wrong_kinds(self, kinds: Mapping[str, str]) -> Iterator[str]:
-        """Problems of kinds of joints that the file does not have or that are fixed in it."""
+        """Problems of the joints in `kinds` that the file does not have, or that it fixes."""
         names = self.joint_names
         for name in kinds:
             if name in names:
                 continue
             text = f"joint {name} is missing"
-            similar = get_close_matches(name, names, 1, _SIMILAR)
+            similar = get_close_matches(name, names, 1, ALIKE)
             if similar:
                 text += f"; {similar[0]} is meant?"
             yield text
@@ -172,14 +172,14 @@ def _elements_for_dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Ele
 
     Joints of the kind "FIXED" are fixed in it, and no joint is continuous.
     """
-    root_copy = with_elements(root, {"link": ("inertial",), "joint": _OF_JOINTS})
+    root_copy = with_elements(root, {"link": ("inertial",), "joint": _PARTS_OF_JOINTS})
     for joint in root_copy.findall("joint"):
         for dynamics in joint.findall("dynamics"):  # urdfdom needs one of its attributes
             dynamics.attrib.setdefault("damping", "0")
         kind = kinds.get(joint.get("name", ""), "")
         if joint.get("type") == "fixed" or kind == "FIXED":
             joint.set("type", "fixed")
-            joint[:] = [child for child in joint if child.tag in _OF_FIXED_JOINTS]
+            joint[:] = [child for child in joint if child.tag in _PARTS_OF_FIXED_JOINTS]
         elif joint.get("type") == "continuous":
             joint.set("type", "revolute")
             limit = joint.find("limit")

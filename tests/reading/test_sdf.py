@@ -213,6 +213,31 @@ def test_a_mimic_of_drake_is_multiplier_times_the_leader_plus_offset(tmp_path):
             chain_of(sdf(A, B, j_a, j_b.format(multiplier)), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("follows", "told"),
+    [
+        ('<drake:mimic joint="j_a" multiplyer="2"/>', "multiplyer=...> is unknown; did you mean"),
+        ('<drake:mimic joint="j_a" reference="1"/>', "<drake:mimic> has no reference"),
+        ('<mimic joint="j_a"><multiplyer>2</multiplyer></mimic>', "<multiplyer> is unknown; did"),
+        ('<mimic joint="j_a" multiplier="2"/>', "<mimic> has no multiplier; it has joint, axis"),
+    ],
+)
+def test_what_a_mimic_does_not_have_is_refused(follows, told, tmp_path):
+    in_axis = follows if follows.startswith("<mimic") else ""
+    j_a = joint("j_a", "revolute", "world", "a", axis("1 0 0"))
+    j_b = joint("j_b", "revolute", "a", "b", axis("1 0 0", in_axis) + follows * (not in_axis))
+    with pytest.raises(sst_pin.DescriptionError, match=told):
+        chain_of(sdf(A, B, j_a, j_b), tmp_path)
+
+
+def test_a_frame_that_is_missing_is_named_once(tmp_path):
+    """Several poses may be relative to it."""
+    links = [link(name, "0 0 0 0 0 0", of="ghost") for name in "ab"]
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        Urdf.read(write(sdf(*links), tmp_path))
+    assert caught.value.problems == ["frame ghost is not in this model"]
+
+
 DECAY = "<velocity_decay><linear>.5</linear></velocity_decay>"
 SPRING = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
 LIMITS = "<limit><lower>2</lower><upper>1</upper></limit>"
