@@ -7,7 +7,7 @@ from os.path import isfile
 from pathlib import Path
 
 from .problems import Problem, note, warning
-from .urdf_checks import no_numbers
+from .urdf_checks import wrong_numbers
 
 
 def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
@@ -16,8 +16,9 @@ def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
     for link in root.findall("link"):
         where = f"link {link.get('name')}"
         for shape in (*link.findall("visual"), *link.findall("collision")):
-            for part in (shape, *shape.findall("geometry")):  # Pinocchio drops such a shape
-                yield from no_numbers(part, where)
+            # Pinocchio leaves out a shape with a wrong number.
+            for part in (shape, *shape.findall("geometry")):
+                yield from wrong_numbers(part, where)
         for shape in link.iterfind(".//geometry/*"):
             if shape.tag == "capsule":
                 yield note(where, "<capsule>: not drawn by Pinocchio")

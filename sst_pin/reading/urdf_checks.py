@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Checks of a URDF: names, tree, and numbers that would be lost.
 
-Each function here yields the problems of a part of the file. `where` names the element in them,
-such as "joint knee".
+`check` yields all problems. Each other function yields the problems of a part of the file, or its
+faults, which are the texts of errors. `where` names the element in them, such as "joint knee".
 """
 
 import xml.etree.ElementTree as ET
@@ -12,16 +12,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from .inertia_checks import ENTRIES
-from .problems import (
-    Problem,
-    attribute,
-    error,
-    note,
-    number,
-    numbers,
-    unknown_parts,
-    warning,
-)
+from .problems import Problem, attribute, error, note, number, numbers, unknown_parts, warning
 
 #: Types of joints with one axis, and all types.
 _ONE_AXIS = ("revolute", "prismatic", "continuous")
@@ -124,7 +115,7 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         yield error("tree", f"links that are not connected to the base: {', '.join(unreachable)}")
 
 
-#: Known attributes of elements that change the motion.
+#: All attributes that URDF gives to some elements, which change the motion.
 _ATTRIBUTES = {
     "origin": ["xyz", "rpy"],
     "mass": ["value"],
@@ -136,10 +127,10 @@ _ATTRIBUTES = {
 }
 
 
-def _parts(element: ET.Element) -> Iterator[str]:
-    """Faults of the parts of a link or a joint that change the motion.
+def _faults(element: ET.Element) -> Iterator[str]:
+    """Faults of the parts of a link or a joint that change the motion: unknown or repeated parts.
 
-    Other tools add parts of their own, which are no faults.
+    Parts that other tools add are no faults, unless their names look like misspellings.
     """
     if element.tag == "link":
         tags = ["inertial"]
@@ -152,17 +143,18 @@ def _parts(element: ET.Element) -> Iterator[str]:
     )
     for part in element:
         if part.tag in tags:
-            yield from _content(part)
+            yield from _faults_of_part(part)
 
 
-def _content(part: ET.Element) -> Iterator[str]:
-    """Faults of a part of a link or a joint."""
+def _faults_of_part(part: ET.Element) -> Iterator[str]:
+    """Faults of the attributes and elements in a part of a link or a joint."""
     if part.tag == "inertial":
         yield from unknown_parts(part, tags=["origin", "mass", "inertia"], others=True)
         for child in part:
             if child.tag in ("origin", "mass", "inertia"):
-                yield from _content(child)
-    elif part.tag in ("limit", "dynamics", "axis"):  # the reader names what else is in them
+                yield from _faults_of_part(child)
+    elif part.tag in ("limit", "dynamics", "axis"):
+        # Tools add attributes to these parts. `acting_elements` warns of those that act.
         yield from unknown_parts(part, attributes=_ATTRIBUTES[part.tag], others=True)
     elif part.tag in _ATTRIBUTES:
         yield from unknown_parts(part, attributes=_ATTRIBUTES[part.tag])
@@ -170,10 +162,10 @@ def _content(part: ET.Element) -> Iterator[str]:
 
 def _link(link: ET.Element, where: str) -> Iterator[Problem]:
     """Errors of the parts of a link, of its mass and its inertia."""
-    for text in _parts(link):
+    for text in _faults(link):
         yield error(where, text)
     for inertial in link.findall("inertial"):
-        yield from no_numbers(inertial, where)
+        yield from wrong_numbers(inertial, where)
         mass = number(inertial.find("mass"), "value")
         if mass is None:
             yield error(where, "its mass is not a number")
@@ -188,9 +180,9 @@ def _link(link: ET.Element, where: str) -> Iterator[Problem]:
 def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> Iterator[Problem]:
     """Problems of a joint; `kinds` are the types of all joints by name."""
     kind = joint.get("type", "")
-    for text in _parts(joint):
+    for text in _faults(joint):
         yield error(where, text)
-    yield from no_numbers(joint, where)
+    yield from wrong_numbers(joint, where)
     if joint.get("name") == "universe":
         yield error(where, "Pinocchio's base has this name; rename the joint")
     if kind not in _KINDS:
@@ -211,7 +203,7 @@ def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> It
 def _mimic(
     follower: str | None, leader: str | None, where: str, kinds: Mapping[str | None, str]
 ) -> Iterator[Problem]:
-    """Errors of a joint that follows another one; both need one axis."""
+    """Errors of a joint, `follower`, that follows the joint `leader`; both need one axis."""
     for name in (follower, leader):
         if name not in kinds:
             yield error(where, f"mimics {name}, which is not a joint of this file")
@@ -221,7 +213,7 @@ def _mimic(
         yield error(where, "mimics itself")
 
 
-#: The count of numbers in attributes.
+#: How many numbers an attribute has, by the tag of its element and its name.
 _COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -237,8 +229,8 @@ _COUNTS = {
 _AXIS_ROUNDING = 1e-6
 
 
-def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
-    """Attributes of the children of an element that are not the right count of numbers."""
+def wrong_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
+    """Errors of children of an element: attributes that are not as many numbers as `_COUNTS`."""
     for element in parent:
         for key, count in _COUNTS.get(element.tag, {}).items():
             text = element.get(key)
@@ -247,7 +239,8 @@ def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
                 yield error(where, f"{element.tag} {key}={text!r} is not {need}")
 
 
-#: Range of the largest entry of an axis. The squares of others underflow or overflow in its norm.
+#: The largest entry of an axis is between these numbers. The square of a smaller one underflows
+#: when the length of the axis is computed, the square of a larger one overflows.
 _MIN_AXIS = 1e-100
 _MAX_AXIS = 1e100
 
@@ -259,8 +252,11 @@ def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     direction = numbers(text, 3)
     if direction is None:
         return
-    if not _MIN_AXIS < np.abs(direction).max() < _MAX_AXIS:
+    largest = np.abs(direction).max()
+    if largest <= _MIN_AXIS:
         yield error(where, "its axis is zero")
+    elif largest >= _MAX_AXIS:
+        yield error(where, "its axis is too long")
     elif abs(np.linalg.norm(direction) - 1) > _AXIS_ROUNDING:
         yield warning(where, f"its axis has length {np.linalg.norm(direction):.6g}, not 1")
     is_along_z = direction[2] > 0 and not direction[:2].any()
@@ -290,12 +286,15 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     for key in ("effort", "velocity"):
         if (number(limit, key) or 0) < 0:
             yield error(where, f"limit {key}={limit.get(key)!r} is negative")
-    lower = numbers(limit.get("lower", "0"), 1)
-    upper = numbers(limit.get("upper", "0"), 1)
-    if kind == "continuous" or lower is None or upper is None:
+    if kind == "continuous":
+        return
+    # By the specification of URDF, a missing limit of the position is 0.
+    lower = 0.0 if limit.get("lower") is None else number(limit, "lower")
+    upper = 0.0 if limit.get("upper") is None else number(limit, "upper")
+    if lower is None or upper is None:  # `wrong_numbers` reports it
         return
     if lower > upper:
-        yield error(where, f"lower limit {lower[0]:g} above the upper one {upper[0]:g}")
+        yield error(where, f"lower limit {lower:g} above the upper one {upper:g}")
     elif lower == upper:
-        text = f"limits [{lower[0]:g}, {upper[0]:g}]: tools that enforce limits lock the joint"
+        text = f"limits [{lower:g}, {upper:g}]: tools that enforce limits lock the joint"
         yield note(where, text)

@@ -97,6 +97,7 @@ def test_a_number_that_cannot_be_read_is_refused(files, place, text):
         (lambda joint, link: ET.SubElement(joint, "dynamics", damping="1_0"), "is not a number"),
         (lambda joint, link: ET.SubElement(joint, "dynamics", damping="-1"), "is negative: it"),
         (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "its axis is zero"),
+        (lambda joint, link: joint.find("axis").set("xyz", "0 1e200 0"), "its axis is too long"),
         (lambda joint, link: joint.find("limit").set("lower", "9"), "lower limit 9 above"),
         (lambda joint, link: joint.find("limit").set("effort", "-1"), "effort='-1' is negative"),
         (lambda joint, link: joint.find("origin").set("ypr", "1 0 0"), "<origin> has no ypr"),
