@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Keys and values of a YAML; scalars are unchanged strings."""
+"""Keys and values of a YAML; scalars are unchanged strings.
+
+`YamlContent` is the mapping of the whole file. Functions such as `name_in` and `number_in` read one
+value; they raise a ValueError for a wrong one.
+"""
 
 import reprlib
 from collections import Counter
@@ -17,10 +21,11 @@ from .problems import collecting_problems, numbers
 _MAX_LENGTH = 200_000
 #: Largest depth of nested brackets; two are needed, and PyYAML is slow for many.
 _MAX_DEPTH = 50
+#: How much a bracket changes the depth of what follows it.
 _DEPTH_CHANGE = {"[": 1, "{": 1, "]": -1, "}": -1}
 
-#: Keys by the names that arguments of `ClosedChain` and other words have for the same; those of the
-#: file, then those of its entries.
+#: The key that is proposed for an unknown key of the same meaning, which may be the name of an
+#: argument of `ClosedChain`.
 _SAME_MEANING = {
     "closures": "closed_loop",
     "lines": "line_force",
@@ -33,6 +38,8 @@ _SAME_MEANING = {
     "damping": "viscous_friction",
     "limits": "joint_limit",
 }
+#: The same for unknown keys in one entry of the file, such as one contact. Keys are proposed only
+#: where the entry can have them.
 _SAME_MEANING_IN_ENTRY = {
     "frame_a": "frames",
     "frame_b": "frames",
@@ -52,7 +59,7 @@ _SAME_MEANING_IN_ENTRY = {
     "inertia": "rotor_inertia",
     "ratio": "gear_ratio",
 }
-#: Examples of the lists that users type by hand.
+#: Examples, for messages, of the lists that users type by hand.
 _EXAMPLES = {
     "contacts": "[{frame: sole, friction: 0.8}]",
     "brakes": "[axis_1]",
@@ -60,6 +67,8 @@ _EXAMPLES = {
     "locked": "[axis_1]",
     "name_mot": "[axis_1, axis_2]",
 }
+#: Keys of lists whose entries are mappings.
+_LISTS_OF_MAPPINGS = ("contacts", "line_force")
 
 _T = TypeVar("_T")
 
@@ -73,7 +82,7 @@ class YamlContent(dict[str, Any]):
         self.problems = list[str]()
 
     def require_known(self, keys: Collection[str]) -> None:
-        """Report the keys that are not known, with the one that is meant."""
+        """Report each key that is not known, and propose a known one."""
         known = ", ".join(keys)
         for key in self:
             if key not in keys:
@@ -81,24 +90,29 @@ class YamlContent(dict[str, Any]):
                 self.problems.append(f"{key}: unknown{guess}; known: {known}")
 
     def entries(self, key: str, parse: Callable[[Any], _T]) -> list[_T]:
-        """The entries of a list, each parsed; entries with a problem are left out."""
+        """The entries of a list, each parsed; entries with a problem are left out.
+
+        Without the key the list is empty.
+        """
         value = self.get(key, [])
         results = list[_T]()
-        example = _EXAMPLES.get(key, "")
-        such = f", such as {key}: {example}" if example else ""
+        example = f", such as {key}: {_EXAMPLES[key]}" if key in _EXAMPLES else ""
         if not isinstance(value, list):
-            self.problems.append(f"{key}: a list is needed{such}")
+            self.problems.append(f"{key}: a list is needed{example}")
             return results
         for entry in value:
-            if example.startswith("[{") and not isinstance(entry, dict):
-                self.problems.append(f"{key}: {shown(entry)} is not a mapping{such}")
+            if key in _LISTS_OF_MAPPINGS and not isinstance(entry, dict):
+                self.problems.append(f"{key}: {shown(entry)} is not a mapping{example}")
                 continue
             with collecting_problems(self.problems, f"{key}: "):
                 results.append(parse(entry))
         return results
 
     def table(self, key: str, parse: Callable[[str, Any], _T]) -> dict[str, _T]:
-        """A mapping from names, each value parsed with its name; as `entries` otherwise."""
+        """A mapping from names, each value parsed with its name.
+
+        Entries with a problem are left out. Without the key the mapping is empty.
+        """
         value = self.get(key, {})
         results = dict[str, _T]()
         if not isinstance(value, dict):
@@ -110,11 +124,13 @@ class YamlContent(dict[str, Any]):
         return results
 
     def require_same_length(self, first: str, second: str) -> None:
-        """Report two lists of the file that should have the same number of entries."""
-        first_length = len(self.get(first, ()))
-        second_length = len(self.get(second, ()))
-        if first_length != second_length:
-            text = f"{first} has {first_length} entries, {second} has {second_length}"
+        """Report two lists of the file if they do not have the same number of entries."""
+        first_list = self.get(first, [])
+        second_list = self.get(second, [])
+        if not isinstance(first_list, list) or not isinstance(second_list, list):
+            return  # `entries` reports it
+        if len(first_list) != len(second_list):
+            text = f"{first} has {len(first_list)} entries, {second} has {len(second_list)}"
             self.problems.append(text)
 
     def raise_problems(self) -> None:
@@ -129,14 +145,14 @@ def repeated(names: Iterable[str]) -> list[str]:
 
 
 def name_in(value: Any) -> str:
-    """A name; a ValueError for anything else."""
+    """A text that is not empty; a ValueError for anything else."""
     if not isinstance(value, str) or not value:
         raise ValueError(f"{shown(value)} is not a name")
     return value
 
 
 def number_in(value: Any, key: str = "") -> float:
-    """A number; a ValueError for anything else, which names the key."""
+    """A finite number; a ValueError for anything else, which names the key."""
     number = numbers(value, 1) if isinstance(value, str) else None
     if number is None:
         raise ValueError(f"{key} {shown(value)} is not a number".lstrip())
@@ -154,32 +170,34 @@ def pair_in(value: Any) -> tuple[str, str]:
 def mapping_in(value: Any, keys: Collection[str] = ()) -> dict[str, Any]:
     """A mapping; a ValueError for anything else, and for keys that are not in `keys`.
 
-    Without `keys` all keys are allowed.
+    If `keys` is empty, all keys are allowed.
     """
     if not isinstance(value, dict):
         of_keys = f" of {', '.join(keys)}" if keys else ""
         raise ValueError(f"{shown(value)} is not a mapping{of_keys}")
-    unknown = [key for key in value if keys and key not in keys]
-    if unknown:
+    unknown = [key for key in value if key not in keys]
+    if unknown and keys:
         guess = _guess(unknown[0], keys, _SAME_MEANING_IN_ENTRY)
         raise ValueError(f"{', '.join(unknown)} unknown{guess}; known: {', '.join(keys)}")
     return value
 
 
 def _guess(key: str, keys: Collection[str], same_meaning: Mapping[str, str]) -> str:
-    """The known key that an unknown one may mean, in words; empty if there is none."""
+    """A question for the known key that an unknown one may mean; empty if there is none."""
     meant = same_meaning.get(str(key), "")
     if meant not in keys:
-        meant = "".join(get_close_matches(str(key), keys, n=1))
+        similar = get_close_matches(str(key), keys, n=1)
+        meant = similar[0] if similar else ""
     return f"; do you mean {meant}" if meant else ""
 
 
 def numbers_in(
     value: Any, required: Sequence[str], defaults: Mapping[str, float]
 ) -> dict[str, float]:
-    """Numbers of a mapping by key: required ones, and others that have a default.
+    """Numbers of a mapping, by key.
 
-    A ValueError for unknown keys and for missing numbers.
+    A ValueError for a missing key of `required`, and for keys that are neither in `required` nor in
+    `defaults`.
     """
     fields = mapping_in(value, (*required, *defaults))
     for key in required:
@@ -234,5 +252,6 @@ def _content(text: str, source: str) -> dict[str, Any]:
 
 def _depth(text: str) -> int:
     """Largest depth of nested brackets."""
-    depths = accumulate(_DEPTH_CHANGE.get(character, 0) for character in text)
+    changes = (_DEPTH_CHANGE.get(character, 0) for character in text)
+    depths = accumulate(changes)  # the depth after each character
     return max(depths, default=0)

@@ -185,3 +185,10 @@ def test_a_tendon_without_a_name_in_its_place_is_refused(read):
 
 def test_a_negative_rotor_inertia_is_an_estimate_and_is_read(read):
     assert read("armature: {elbow: -0.001}").model.armature.tolist() == [0, -0.001, 0]
+
+
+def test_a_value_that_is_no_list_is_one_problem():
+    """Its letters are not counted as entries."""
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        parse_cuts("closed_loop: abc\ntype: []\nname_mot: [a]\n", "cuts")
+    assert caught.value.problems == ["closed_loop: a list is needed"]
