@@ -17,7 +17,7 @@ from .mjcf_tree import MjcfTree
 
 #: Spheres up to this radius are points, [m]: MuJoCo has no points.
 _POINT = 1e-8
-#: Places that differ by less are the same, [m].
+#: Points that are closer are the same, [m]. Axes whose entries differ by less are the same.
 _SAME = 1e-9
 
 
@@ -69,8 +69,8 @@ class _Pair(NamedTuple):
 def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
     """Pairs of shapes on different joints that can touch, each once, as MuJoCo chooses them.
 
-    First those that the file lists. Then those whose masks `contype` and `conaffinity` match,
-    unless the file excludes their bodies, or one body carries the other.
+    First come the pairs that the file lists, then the pairs of shapes whose masks `contype` and
+    `conaffinity` match. MuJoCo leaves out matching shapes if `_never_touch` holds for their bodies.
     """
     mj = compiled.mj
     joints = [tree.bodies[body].joint for body in mj.geom_bodyid]
@@ -95,26 +95,31 @@ def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
 
 
 def _never_touch(compiled: Compiled, a: int, b: int) -> bool:
-    """Whether two bodies are excluded: by the file, or as one carries the other.
+    """Whether MuJoCo computes no contacts of two bodies.
 
-    A body counts with the bodies that are fixed to it. The world carries bodies that touch it.
+    The file may exclude the two bodies. A body does not touch its parent either, unless the file
+    switches this filter off; bodies that are fixed to each other count as one body here. The world
+    touches the bodies whose parent it is.
     """
     mj = compiled.mj
-    # A signature has the index of the body with the lower index in its upper 16 bits.
+    # A pair that the file excludes is one number: the lower index in the upper 16 bits, the other
+    # index in the lower ones.
     if (min(a, b) << 16) + max(a, b) in mj.exclude_signature:
         return True
     if mj.opt.disableflags & int(compiled.mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
         return False
-    a_fixed_to, b_fixed_to = int(mj.body_weldid[a]), int(mj.body_weldid[b])
+    # `body_weldid` is the first of the bodies that are fixed to each other; 0 is the world.
+    a_fixed_to = int(mj.body_weldid[a])
+    b_fixed_to = int(mj.body_weldid[b])
     if a_fixed_to == 0 or b_fixed_to == 0:
         return False
-    carrier_of_a = mj.body_weldid[mj.body_parentid[a_fixed_to]]
-    carrier_of_b = mj.body_weldid[mj.body_parentid[b_fixed_to]]
-    return bool(carrier_of_a == b_fixed_to or carrier_of_b == a_fixed_to)
+    parent_of_a = mj.body_weldid[mj.body_parentid[a_fixed_to]]
+    parent_of_b = mj.body_weldid[mj.body_parentid[b_fixed_to]]
+    return bool(parent_of_a == b_fixed_to or parent_of_b == a_fixed_to)
 
 
 def _friction(dimension: int, coefficient: float) -> float:
-    """The coefficient of friction; contacts of dimension 1 have none."""
+    """The coefficient of friction; contacts of dimension 1 (`condim`) have none."""
     return float(coefficient) if dimension > 1 else 0.0
 
 
@@ -137,19 +142,22 @@ def _geom_kind(compiled: Compiled, geom: int) -> str:
 
 
 def _ground_frame(compiled: Compiled, tree: MjcfTree, plane: int) -> str:
-    """Name of a frame on a plane, whose z axis is the normal; adds it to the tree if need be."""
+    """Name of a frame on a plane, whose z axis is the normal; adds one to the tree if need be."""
     joint, place = _placement(compiled, tree, plane)
     for frame in tree.model.frames:
         if frame.parentJoint == joint:
-            relative = frame.placement.actInv(place)
-            has_normal = np.abs(relative.rotation[:, 2] - [0, 0, 1]).max() < _SAME
-            if _is_at_origin(relative) and has_normal:
+            relative = frame.placement.actInv(place)  # of the plane, in the frame
+            has_same_z = np.abs(relative.rotation[:, 2] - [0, 0, 1]).max() < _SAME
+            if _is_at_origin(relative) and has_same_z:
                 return str(frame.name)
     return _add_frame(tree.model, compiled.name("geom", plane), joint, place)
 
 
 def _frame_at_point(compiled: Compiled, tree: MjcfTree, geom: int, point: Array, name: str) -> str:
-    """Name of a frame at a point of a shape; adds one to the tree, if need be, with this name."""
+    """Name of a frame at a point of a shape, in the shape's frame, shape (3,), [m].
+
+    If there is none, a frame with the name `name` is added to the tree.
+    """
     joint, place = _placement(compiled, tree, geom)
     place = place * pin.SE3(np.eye(3), point)
     for frame in tree.model.frames:
@@ -171,8 +179,8 @@ def _is_at_origin(relative: pin.SE3) -> bool:
 
 
 def _add_frame(model: pin.Model, name: str, joint: int, place: pin.SE3) -> str:
-    """Add a frame; returns its name, which is another one if there is a frame of this name."""
-    if model.existFrame(name):
+    """Add a frame to a joint; returns its name, which is another one if this name is used."""
+    while model.existFrame(name):
         name = f"{name}_contact"
     model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
     return name
@@ -200,7 +208,7 @@ def ropes_of(compiled: Compiled) -> Iterator[Rope]:
 
 
 def contact_note(compiled: Compiled, tree: MjcfTree) -> str:
-    """Where contacts are not read: a note if shapes of the robot can touch something, else ""."""
+    """The note on a robot that is read without its contacts; "" if it has none."""
     mj = compiled.mj
     if compiled.disabled("contact"):
         return ""

@@ -50,6 +50,19 @@ def test_corners_of_boxes_spheres_and_ropes_are_read_from_mjcf(tmp_path):
         assert not sst_pin.ClosedChain.from_mjcf(path, actuated=[]).contacts
 
 
+def test_a_frame_of_a_contact_has_a_name_of_its_own(tmp_path):
+    """Sites have the name of the shape, and the name that it would get then."""
+    sites = '<site name="ramp" pos="2 0 0"/><site name="ramp_contact" pos="3 0 0"/>'
+    path = tmp_path / "scene.xml"
+    path.write_text(MJCF.replace('<site name="hook"', f'{sites}<site name="hook"'))
+    with pytest.warns(DescriptionWarning, match="1 of box on sphere"):
+        chain = sst_pin.ClosedChain.from_mjcf(path, actuated=[], contacts=True)
+    grounds = {x.ground for x in chain.contacts if isinstance(x, Contact)} - {"universe"}
+    assert grounds == {"ramp_contact_contact"}
+    position, _ = chain.frame_placement(pin.neutral(chain.model), "ramp_contact_contact")
+    assert position == pytest.approx([1, 0, 0])
+
+
 def test_contacts_that_are_written_are_read_again(tmp_path):
     model = planar(1.0, 0.1)
     frame(model, "toe", "turn", (0.1, 0, -0.2))
