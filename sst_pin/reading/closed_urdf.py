@@ -41,7 +41,16 @@ def read_urdf(
     default: str | Path | None = None,
     model: str | None = None,
 ) -> RobotFile:
-    """Read a robot as `ClosedChain.from_urdf`; warnings point to the caller of that method."""
+    """Read the files of a robot, for `ClosedChain.from_urdf`, and issue their warnings.
+
+    Args:
+        path: The URDF or SDF, or its content.
+        cuts: The YAML of the cuts; by default the one beside the URDF.
+        locked: Joints that are locked at zero, besides those that the YAML locks.
+        actuated: The motors, in place of those of the files.
+        default: The YAML to use if there is none beside the URDF.
+        model: The model of an SDF, by name.
+    """
     urdf = path if isinstance(path, Urdf) else Urdf.read(path, model)
     content = read_cuts(urdf, cuts, default)
     all_locked = (*content.locked, *names("locked", locked))
@@ -60,13 +69,13 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     """Cuts of a URDF: from `path`, else from the YAML beside the URDF, else from `default`.
 
     The YAML beside a URDF has the name of the URDF, or is a `loop_closures.yaml` of its package.
-    Without a YAML, the cuts have only the motors that the URDF marks: the independent joints of a
-    URDF+, or the joints of transmissions and controllers.
+    Without a YAML, the cuts have only the motors that the URDF marks: the joints that a URDF+ (the
+    dialect of the library GRBDA) calls independent, or the joints of transmissions and controllers.
     """
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
     if path is None:
-        return Cuts(urdf.loop_elements.independent or motors_of(urdf.root))
+        return Cuts(actuated=urdf.loop_elements.independent or motors_of(urdf.root))
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
 
 
@@ -85,7 +94,7 @@ def cuts_beside(urdf: Path) -> Path | None:
 def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     """The robot of a URDF and its cuts, with an SRDF beside the URDF.
 
-    Its mimic joints are closures too. Without closures it is an open tree.
+    Mimic joints of the URDF become closures, too. A robot without loops is an open tree.
     """
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
     notes = list[Problem]()
@@ -97,14 +106,14 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
 
     # Closures.
     couplings = _couplings(urdf, cuts, source)
-    notes += _replaced_closures(model, cuts, urdf.loop_elements)
+    notes += _warning_of_replaced_closures(model, cuts, urdf.loop_elements)
     with naming(source):
         loops = _add_loops(model, cuts, urdf.loop_elements)
 
     # Numbers of joints.
     notes += lost_limits(urdf.root, cuts.kinds, _joints_with_limits(cuts))
     with naming(source):
-        numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed)
+        numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed_joints)
         put_numbers(model, numbers)
 
     # Configurations by name have positions of all joints, so joints are locked afterwards.
@@ -122,7 +131,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         stiffness, spring_reference = springs_of(model, numbers)
 
     # Motors; in an open tree without motors each joint has one.
-    motors = tuple(_moving_motors(cuts.actuated, cuts.fixed))
+    motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
     open_tree = ""
     if not cuts.source and not loops and not urdf.loop_elements.independent:
         followers = {coupling.joint for coupling in couplings}
@@ -161,10 +170,12 @@ def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
 # --- closures -----------------------------------------------------------------------------------
 
 
-def _replaced_closures(model: pin.Model, cuts: Cuts, elements: LoopElements) -> Iterator[Problem]:
-    """A warning of closures that the URDF marks and that the closures of the YAML replace."""
+def _warning_of_replaced_closures(
+    model: pin.Model, cuts: Cuts, elements: LoopElements
+) -> Iterator[Problem]:
+    """A warning if the URDF marks closures and the closures of the YAML replace them."""
     names = [joint.name for joint in elements.joints]
-    if cuts.closures:
+    if cuts.closures:  # only these replace pairs of closing frames; see `_add_loops`
         used_frames = set[str]()
         for closure in cuts.closures:
             used_frames.update(frames_of(closure))
@@ -179,7 +190,8 @@ def _replaced_closures(model: pin.Model, cuts: Cuts, elements: LoopElements) -> 
 def _add_loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Constraint, ...]:
     """The closures of the YAML, else those that the URDF marks.
 
-    Frames of joints that close loops are added to the model.
+    The URDF marks closures by pairs of closing frames and by joints that close loops. The frames of
+    such joints are added to the model.
     """
     if cuts.closures:
         return cuts.closures
@@ -190,27 +202,30 @@ def _add_loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Co
 def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
     """The mimic joints and gears of a URDF and the couplings of its cuts, without fixed joints.
 
-    The cuts replace the mimic joints whose position they determine.
+    A `<mimic>` is ignored if a closure or a coupling of the cuts determines the joint's position.
     """
     determined = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
     mimics = [mimic for mimic in urdf.mimics if mimic.joint not in determined]
     couplings = [*mimics, *urdf.loop_elements.gears, *cuts.couplings]
-    return tuple(_couplings_that_move(couplings, cuts.fixed, source))
+    return tuple(_couplings_that_move(couplings, cuts.fixed_joints, source))
 
 
 def _couplings_that_move(
     couplings: Sequence[Coupling], locked: Collection[str], source: str
 ) -> Iterator[Coupling]:
-    """The couplings that remain when some joints are locked at zero."""
+    """The couplings that remain when some joints are locked at zero.
+
+    At zero, the polynomial c_0 + c_1 x + ... of a locked joint is the constant c_0.
+    """
     for coupling in couplings:
         moving = {}
-        at_zero = 0.0  # what the locked joints add to the sum
+        constant = 0.0  # the sum of the c_0 of locked joints
         for name, coefficients in coupling.polynomials.items():
             if name in locked:
-                at_zero += coefficients[0]
+                constant += coefficients[0]
             else:
                 moving[name] = coefficients
-        offset = coupling.offset + at_zero
+        offset = coupling.offset + constant
         if coupling.joint not in locked:
             yield Coupling(coupling.joint, moving, offset)
         elif moving or offset:
@@ -231,9 +246,9 @@ def _joints_with_limits(cuts: Cuts) -> set[str]:
 
 
 def _locked_joints(urdf: Urdf, cuts: Cuts) -> list[str]:
-    """The joints of the tree that the cuts lock."""
+    """The names of the cuts' locked joints, each once, without joints that the URDF fixes."""
+    # Pinocchio's tree has no joint for a fixed joint, so that such a name would be unknown.
     fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
-    # Joints that the URDF fixes are no joints of the tree.
     return [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
 
 

@@ -3,6 +3,9 @@
 
 A URDF is a tree. So each loop of the robot is cut in the URDF, and the YAML has the closures that
 the cuts replace. It also has what a URDF cannot say, such as joints of several axes.
+
+Two kinds of files are read. One has the schema that LAAS calls "extended URDF", with more keys. The
+other is the `loop_closures.yaml` that the tool sw2robot writes.
 """
 
 from collections.abc import Mapping
@@ -38,7 +41,7 @@ class Cuts(NamedTuple):
     """Content of the YAML file beside a URDF."""
 
     actuated: tuple[Motor, ...] = ()
-    #: Without any, the closures are those that the URDF marks.
+    #: If there are no closures and no hinges here, the closures that the URDF marks are used.
     closures: tuple[Constraint, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     #: Hinges of a `loop_closures.yaml`, which has points and axes in place of frames.
@@ -55,7 +58,7 @@ class Cuts(NamedTuple):
     brakes: tuple[str, ...] = ()
     #: Joints whose position the closures determine, so that their `<mimic>` is ignored.
     dependent: tuple[str, ...] = ()
-    #: As the argument of `ClosedChain`; they replace those of the URDF.
+    #: The argument `weight_shares` of `ClosedChain`. These shares replace those of the URDF.
     weight_shares: Mapping[str, Share] = MappingProxyType({})
     #: In base axes, shape (3,), [m/s^2]; None: the gravity of the URDF.
     gravity: Array | None = None
@@ -63,22 +66,26 @@ class Cuts(NamedTuple):
     source: str = ""
 
     @property
-    def fixed(self) -> set[str]:
-        """Joints that do not move: those that are locked, and those of the kind "FIXED"."""
-        fixed = set(self.locked)
-        fixed.update(name for name, kind in self.kinds.items() if kind == "FIXED")
-        return fixed
+    def fixed_joints(self) -> set[str]:
+        """Names of the joints that do not move: locked joints, and joints of the kind "FIXED"."""
+        names = set(self.locked)
+        names.update(name for name, kind in self.kinds.items() if kind == "FIXED")
+        return names
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
-    """Content of a YAML file in the LAAS schema, with more keys; docs/own_robot.md lists them.
+    """Content of a YAML file: a file in the LAAS schema, or a `loop_closures.yaml` of sw2robot.
 
-    The key `name_mot` is required; all others are optional. A `loop_closures.yaml` of sw2robot is
-    read as well. A parser of an entry raises a ValueError; the content collects these, and the
-    error names every problem.
+    docs/own_robot.md lists the keys of the LAAS schema, with those that are added. The key
+    `name_mot` is required; all others are optional.
+
+    Raises:
+        DescriptionError: It lists all problems of the file.
     """
+    # The functions below that parse one entry raise a ValueError. The content collects these
+    # errors as problems.
     content = YamlContent(text, source)
-    if "closures" in content and not content.keys() & set(_KEYS):  # only sw2robot's files
+    if "closures" in content and content.keys().isdisjoint(_LAAS_KEYS):
         cuts = _sw2robot_cuts(content)
     else:
         cuts = _laas_cuts(content)
@@ -87,7 +94,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
 
 
 #: Keys of a file in the LAAS schema.
-_KEYS = (
+_LAAS_KEYS = (
     "closed_loop",
     "contacts",
     "type",
@@ -110,8 +117,8 @@ _KEYS = (
 
 def _laas_cuts(content: YamlContent) -> Cuts:
     """The cuts of a file in the LAAS schema; problems are added to the content."""
-    content.require_known(_KEYS)
-    content.setdefault("name_mot", None)  # so that a missing key is a problem
+    content.require_known(_LAAS_KEYS)
+    content.setdefault("name_mot", None)  # `entries` reports None: the key is required
     _split_joint_types(content)
 
     # Closures: pairs of frames, and a kind for each pair.
@@ -166,29 +173,32 @@ def _gravity(content: YamlContent) -> Array | None:
 
 def _joint_numbers(content: YamlContent) -> JointNumbers:
     """Friction, rotors, limits and springs, each as a mapping from joints to numbers."""
-    numbers: dict[str, dict[str, float]] = {
+    by_kind: dict[str, dict[str, float]] = {
         "viscous_friction": content.table("viscous_friction", _friction),
         "coulomb_friction": content.table("coulomb_friction", _friction),
         "armature": content.table("armature", _rotor),
     }
     limits = content.table("joint_limit", _limit)
     for key in LIMITS:
-        numbers[key] = {}
+        by_kind[key] = {}
         for joint, limit in limits.items():
             if key in limit:
-                numbers[key][joint] = limit[key]
+                by_kind[key][joint] = limit[key]
     springs = content.table("joint_spring", _spring)
-    numbers["stiffness"] = {joint: spring.stiffness for joint, spring in springs.items()}
-    numbers["reference"] = {joint: spring.reference for joint, spring in springs.items()}
-    return numbers
+    by_kind["stiffness"] = {joint: spring.stiffness for joint, spring in springs.items()}
+    by_kind["reference"] = {joint: spring.reference for joint, spring in springs.items()}
+    return by_kind
 
 
 def _motor(value: Any) -> Motor:
-    """The name of a joint or a line, or a named tendon: `split: {left: 1, right: 1}`."""
+    """A motor: the name of a joint or a line, or a tendon that drives several of them.
+
+    A tendon is its name with a factor for each joint or line: `split: {left: 1, right: 1}`.
+    """
     if isinstance(value, dict) and len(value) == 1:
-        ((tendon, shares),) = value.items()
-        factors = {joint: number_in(share) for joint, share in mapping_in(shares).items()}
-        return {name_in(tendon): factors}
+        ((tendon, factors),) = value.items()
+        numbers_by_name = {name: number_in(x) for name, x in mapping_in(factors).items()}
+        return {name_in(tendon): numbers_by_name}
     return name_in(value)
 
 
@@ -212,13 +222,17 @@ def _closure(pair: tuple[str, str], kind: str) -> Constraint:
 
 
 def _coupling(joint: str, value: Any) -> Coupling:
-    """A joint whose position is a sum of factors or polynomials of other joints' positions."""
+    """A joint whose position is a sum of terms, each of the position x of another joint.
+
+    For each of these joints the file has a factor c, the term c x, or the list of the coefficients
+    c_0, c_1, ... of a polynomial.
+    """
     polynomials = dict[str, list[float]]()
-    for other, share in mapping_in(value).items():
-        if isinstance(share, list):
-            polynomials[other] = [number_in(coefficient) for coefficient in share]
+    for other, term in mapping_in(value).items():
+        if isinstance(term, list):
+            polynomials[other] = [number_in(coefficient) for coefficient in term]
         else:  # a factor
-            polynomials[other] = [0.0, number_in(share)]
+            polynomials[other] = [0.0, number_in(term)]
     if not polynomials:
         raise ValueError(f"{joint} follows no joint; `locked` holds joints")
     return Coupling(joint, polynomials)
@@ -290,13 +304,13 @@ class _Spring(NamedTuple):
 
 
 def _spring(joint: str, value: Any) -> _Spring:
-    """The spring of a joint."""
-    numbers = numbers_in(value, required=["stiffness"], defaults={"reference": 0.0})
-    return _Spring(numbers["stiffness"], numbers["reference"])
+    """The spring of a joint, from its keys `stiffness` and `reference`."""
+    fields = numbers_in(value, required=["stiffness"], defaults={"reference": 0.0})
+    return _Spring(fields["stiffness"], fields["reference"])
 
 
 def _limit(joint: str, value: Any) -> dict[str, float]:
-    """The limits of a joint by name."""
+    """The limits of a joint, by the keys of `LIMITS` that the file has."""
     limit = {key: number_in(number, key) for key, number in mapping_in(value, LIMITS).items()}
     if limit.get("lower", -np.inf) > limit.get("upper", np.inf):
         raise ValueError(f"the lower limit of {joint} is above the upper one")
@@ -309,11 +323,12 @@ def _limit(joint: str, value: Any) -> dict[str, float]:
 def _rotor(joint: str, value: Any) -> float:
     """The inertia of the rotor of a joint, reflected to the joint by the gear.
 
-    It may be negative, because it may be an estimate.
+    The value is this inertia, or a mapping with `rotor_inertia` and `gear_ratio`. It may be
+    negative, because it may be an estimate.
     """
-    fields = value if isinstance(value, dict) else {"rotor_inertia": value}
-    numbers = numbers_in(fields, required=["rotor_inertia"], defaults={"gear_ratio": 1.0})
-    return numbers["rotor_inertia"] * numbers["gear_ratio"] ** 2
+    mapping = value if isinstance(value, dict) else {"rotor_inertia": value}
+    fields = numbers_in(mapping, required=["rotor_inertia"], defaults={"gear_ratio": 1.0})
+    return fields["rotor_inertia"] * fields["gear_ratio"] ** 2
 
 
 def _friction(joint: str, value: Any) -> float:
@@ -325,13 +340,16 @@ def _friction(joint: str, value: Any) -> float:
 
 
 def _weight_share(joint: str, value: Any) -> Share:
-    """The share of its weight that acts on the body of a joint, perhaps with its offset."""
+    """How much of the weight of a joint's body acts on it; see `model.weight_shares`.
+
+    It is a share, or a list of the share and the offset x, y, z of the weight.
+    """
     if not isinstance(value, list):
         return number_in(value)
-    numbers_of_share = [number_in(number) for number in value]
-    if len(numbers_of_share) != 4:
+    share_and_offset = [number_in(entry) for entry in value]
+    if len(share_and_offset) != 4:
         raise ValueError(f"{shown(value)} is neither a number nor [share, x, y, z]")
-    return numbers_of_share
+    return share_and_offset
 
 
 def _kind(value: Any) -> str:
@@ -350,14 +368,15 @@ def _sw2robot_cuts(content: YamlContent) -> Cuts:
     """The cuts of a `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
     content.require_known(_SW2ROBOT_KEYS)
     hinges = content.entries("closures", _hinge)
-    if content["closures"] == []:  # what is not a list is a problem already
+    if content["closures"] == []:  # `entries` reports a value that is not a list
         content.problems.append("closures: a list of hinges is needed")
     for key in ("dependent", "independent"):
-        content.setdefault(key, None)  # so that a missing key is a problem
+        content.setdefault(key, None)  # `entries` reports None: the keys are required
     dependent = content.entries("dependent", name_in)
     independent = content.entries("independent", name_in)
     for name in repeated(dependent + independent):
         content.problems.append(f"{name}: named twice")
+    # The file has no names of hinges, so they are numbered.
     named_hinges = []
     for number, hinge in enumerate(hinges, 1):
         named_hinges.append(hinge._replace(name=f"loop_closure_{number}"))
@@ -369,7 +388,7 @@ _HINGE_KEYS = ("link_a", "link_b", "point", "axis")
 
 
 def _hinge(value: Any) -> CutJoint:
-    """A hinge of a `loop_closures.yaml`, still without a name."""
+    """A hinge of a `loop_closures.yaml`; its name is empty."""
     fields = mapping_in(value, _HINGE_KEYS)
     if len(fields) < len(_HINGE_KEYS):
         raise ValueError(f"{shown(value)} needs {', '.join(_HINGE_KEYS)}")
@@ -384,7 +403,7 @@ def _hinge(value: Any) -> CutJoint:
 
 
 def _vector(fields: Mapping[str, Any], key: str) -> Array:
-    """Three numbers of a hinge; an axis must not be zero."""
+    """The point or the axis of a hinge, shape (3,); an axis must not be zero."""
     value = vector(fields.get(key))
     if value is None:
         raise ValueError(f"{key} {shown(fields.get(key))} is not three numbers")
