@@ -2,9 +2,9 @@
 """Elements of a URDF for joints that close loops, and for gears.
 
 A URDF is a tree, so that a loop is cut at one of its joints. Several tools have elements for such
-joints: GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a `<joint>` in
-`<gazebo>`, Drake `<drake:ball_constraint>`; `<constraint>` is proposed for urdfdom (ros/urdfdom
-pull request 264).
+joints. URDF+, the dialect of the library GRBDA, has `<loop>` and, for gears, `<coupling>`; Isaac
+Sim has `<loop_joint>`; Gazebo has a `<joint>` in `<gazebo>`; Drake has `<drake:ball_constraint>`.
+`<constraint>` is proposed for urdfdom (ros/urdfdom pull request 264).
 """
 
 import xml.etree.ElementTree as ET
@@ -53,7 +53,7 @@ class LoopElements(NamedTuple):
     joints: tuple[CutJoint, ...]
     #: Gears of a URDF+.
     gears: tuple[Coupling, ...]
-    #: Names of the joints that have the motors, in a URDF+.
+    #: Names of the joints that have the motors, in a URDF+; empty in another URDF.
     independent: tuple[str, ...]
     #: Faults of these elements, and warnings.
     problems: tuple[Problem, ...]
@@ -68,10 +68,10 @@ def loop_elements(root: ET.Element) -> LoopElements:
     joints = list[CutJoint]()
     problems = list[Problem]()
 
-    def add(
+    def add_joint(
         element: ET.Element, faults: Iterable[str], read: Callable[[ET.Element, _Tree], CutJoint]
     ) -> None:
-        """Add a joint, or the problems of its element."""
+        """Add the joint that `read` makes of an element, and what is wrong with the element."""
         with _reporting(problems, element, faults):
             joint = read(element, tree)
             joints.append(joint)
@@ -80,16 +80,16 @@ def loop_elements(root: ET.Element) -> LoopElements:
     # Joints of URDF+, Isaac Sim and urdfdom.
     for tag, sides in _SIDES.items():
         for element in root.findall(tag):
-            add(element, _faults(element, sides), _joint)
-        if _is_nested(root, tag, sides[0]):
+            add_joint(element, _faults(element, sides), _joint)
+        if _has_nested_joint(root, tag):
             problems.append(error(tag, "it must be a direct child of <robot>"))
     # Joints of Gazebo.
     for element in root.findall("gazebo/joint[parent]"):
-        add(element, _faults_of_gazebo(element), _gazebo_joint)
+        add_joint(element, _faults_of_gazebo(element), _gazebo_joint)
     # Balls of Drake.
     for index, ball in enumerate(root.iter(_BALL), 1):
         element = _constraint_of(ball, index)
-        add(element, _faults(element, _SIDES["constraint"]), _joint)
+        add_joint(element, _faults(element, _SIDES["constraint"]), _joint)
     # Gears of URDF+.
     gears = list[Coupling]()
     independent = tuple(_independent(root))
@@ -107,7 +107,7 @@ def loop_elements(root: ET.Element) -> LoopElements:
 
 
 class _Tree(NamedTuple):
-    """The tree of a URDF."""
+    """The links of a URDF, and the joints that connect them as a tree."""
 
     #: Names of the links.
     links: set[str]
@@ -115,12 +115,12 @@ class _Tree(NamedTuple):
     parent_joints: dict[str, ET.Element]
 
     def require_link(self, role: str, link: str) -> None:
-        """Raise a ValueError if there is no such link; `role` is the element that names it."""
+        """Raise a ValueError if there is no link of this name; `role` is the tag that names it."""
         if link not in self.links:
             raise ValueError(f"{role} {link} is not a link of this file")
 
     def path(self, link: str) -> list[ET.Element]:
-        """Joints from a link to the base."""
+        """The joints between a link and the base, in this order."""
         joints = list[ET.Element]()
         visited = set[str]()
         while link in self.parent_joints:
@@ -137,7 +137,10 @@ class _Tree(NamedTuple):
 def _reporting(
     problems: list[Problem], element: ET.Element, faults: Iterable[str]
 ) -> Iterator[None]:
-    """Add the faults of an element to problems, and the ValueError of a block that reads it."""
+    """Collect what is wrong with an element: its faults, and a ValueError of the block.
+
+    The block reads the element. A ValueError ends it, but not the caller.
+    """
     texts = list(faults)
     with collecting_problems(texts):
         yield
@@ -145,9 +148,13 @@ def _reporting(
     problems += [error(where, text) for text in texts]
 
 
-def _is_nested(root: ET.Element, tag: str, side: str) -> bool:
-    """Whether an element of this tag, with this side in it, is not a direct child of the root."""
-    everywhere = set(root.iterfind(f".//{tag}[{side}]"))
+def _has_nested_joint(root: ET.Element, tag: str) -> bool:
+    """Whether a joint with a tag of `_SIDES` is not a direct child of the root.
+
+    Elements of other tools may have the same tag, but not the sides of a joint in them.
+    """
+    first_side, _ = _SIDES[tag]
+    everywhere = set(root.iterfind(f".//{tag}[{first_side}]"))
     return bool(everywhere.difference(root))
 
 
@@ -155,12 +162,12 @@ def _is_nested(root: ET.Element, tag: str, side: str) -> bool:
 
 
 def _joint(element: ET.Element, tree: _Tree) -> CutJoint:
-    """A joint of URDF+, Isaac Sim or urdfdom; each side has its frame in the axes of its link."""
-    name_a, name_b = _SIDES[element.tag]
-    side_a = _side(element, name_a)
-    side_b = _side(element, name_b)
-    tree.require_link(name_a, side_a.link)
-    tree.require_link(name_b, side_b.link)
+    """A joint of URDF+, Isaac Sim or urdfdom; each side has its frame relative to its link."""
+    tag_a, tag_b = _SIDES[element.tag]
+    side_a = _side(element, tag_a)
+    side_b = _side(element, tag_b)
+    tree.require_link(tag_a, side_a.link)
+    tree.require_link(tag_b, side_b.link)
     kind = attribute(element, "type")
     if kind == "universal" and element.find("parent_axis") is None:
         raise ValueError("a universal joint needs parent_axis and child_axis in a <constraint>")
@@ -168,7 +175,7 @@ def _joint(element: ET.Element, tree: _Tree) -> CutJoint:
 
 
 def _gazebo_joint(element: ET.Element, tree: _Tree) -> CutJoint:
-    """A joint of Gazebo; both sides have its frame relative to the child."""
+    """A joint of Gazebo; both sides have their frame relative to the child."""
     parent = _side_of_gazebo(element, "parent")
     child = _side_of_gazebo(element, "child")
     tree.require_link("parent", parent.link)
@@ -177,28 +184,32 @@ def _gazebo_joint(element: ET.Element, tree: _Tree) -> CutJoint:
 
 
 def _name(element: ET.Element, side_a: Side, side_b: Side) -> str:
-    """The name of a joint in the file, or after its links."""
+    """The name of a joint in the file; without one, the names of its two links."""
     return attribute(element, "name") or f"{side_a.link}_{side_b.link}"
 
 
 def _side(element: ET.Element, side: str) -> Side:
-    """One side of a joint, by its name; tools write the origin in three places."""
-    link = element.find(side)
+    """The side of a joint with the tag `side`, such as "parent".
+
+    Tools write the origin of its frame in three places: in an element of its own, such as
+    `<parent_origin>`, in an `<origin>` inside the side, or as attributes of the side.
+    """
+    part = element.find(side)
     origin = element.find(f"{side}_origin")
-    if origin is None and link is not None:
-        origin = link.find("origin")
+    if origin is None and part is not None:
+        origin = part.find("origin")
         if origin is None:
-            origin = link  # <parent link="..." xyz="..." rpy="..."/>
+            origin = part
     xyz = _vector(origin, "xyz")
     rpy = _vector(origin, "rpy")
     tag = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
     axis = direction(attribute(element, f"{tag}/xyz") or "1 0 0")
-    name = attribute(element, f"{side}/link")
-    return Side(name, relative_to=name, placement=placement(xyz, rpy), axis=axis)
+    link = attribute(element, f"{side}/link")
+    return Side(link, relative_to=link, placement=placement(xyz, rpy), axis=axis)
 
 
 def _vector(origin: ET.Element | None, key: str) -> Array:
-    """The three numbers of an attribute; zeros without it."""
+    """The three numbers of the attribute `key`; zeros if the file does not have it."""
     text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
     vector = numbers(text, 3)
     if vector is None:
@@ -220,14 +231,17 @@ def _side_of_gazebo(element: ET.Element, side: str) -> Side:
 
 
 def _constraint_of(ball: ET.Element, index: int) -> ET.Element:
-    """A ball constraint of Drake as a `<constraint>`, which `_joint` reads."""
+    """A ball constraint of Drake as a `<constraint>`, which `_joint` reads.
+
+    Drake's ball connects the point P of body A with the point Q of body B.
+    """
     constraint = ET.Element("constraint", name=f"ball_constraint_{index}", type="ball")
     parts = {part.tag.removeprefix(f"{_BALL}_"): part for part in ball}
-    missing = ET.Element("missing")
-    body_a = parts.pop("body_A", missing)
-    point_a = parts.pop("p_AP", missing)
-    body_b = parts.pop("body_B", missing)
-    point_b = parts.pop("p_BQ", missing)
+    without_attributes = ET.Element("missing")  # in place of a missing part
+    body_a = parts.pop("body_A", without_attributes)
+    point_a = parts.pop("p_AP", without_attributes)
+    body_b = parts.pop("body_B", without_attributes)
+    point_b = parts.pop("p_BQ", without_attributes)
     ET.SubElement(constraint, "parent", link=body_a.get("name", ""))
     ET.SubElement(constraint, "parent_origin", xyz=point_a.get("value", ""))
     ET.SubElement(constraint, "child", link=body_b.get("name", ""))
@@ -259,9 +273,10 @@ def _ignored_limits(element: ET.Element, name: str) -> Iterator[Problem]:
     texts = []
     for key in ("lower", "upper"):
         texts += [limit.get(key, "") for limit in element.findall("limit")]
-        texts.append(element.findtext(f"axis/limit/{key}", ""))
+        texts.append(element.findtext(f"axis/limit/{key}", ""))  # of a joint of Gazebo
     for text in texts:
         position = numbers(text, 1)
+        # Tools write zero, too, if there is no limit.
         if position is not None and 0 < abs(position[0]) < FAR:
             where = f"{element.tag} {name}"
             yield warning(where, "limits of a joint that closes a loop are ignored")
@@ -274,9 +289,10 @@ def _ignored_limits(element: ET.Element, name: str) -> Iterator[Problem]:
 def _gear(element: ET.Element, tree: _Tree, independent: Iterable[str]) -> Coupling:
     """A gear of a URDF+: the angle of the successor is `ratio` times the predecessor's.
 
-    Both angles are sums over the joints from the nearest common link to the link. With factors
-    c_j that are ratio for joints of the predecessor and -1 for joints of the successor, the sum
-    of c_j q_j is zero. It is solved for the first joint that is not independent.
+    The angle of a link is the sum of the positions q_j of the joints between the nearest common
+    link and this link. So sum of c_j q_j = 0, where the factor c_j is `ratio` for joints of the
+    predecessor and -1 for joints of the successor. The first joint f that is not independent
+    follows the others: q_f = sum of (-c_j / c_f) q_j over the others.
     """
     predecessor_link = attribute(element, "predecessor/link")
     successor_link = attribute(element, "successor/link")
@@ -301,17 +317,21 @@ def _gear(element: ET.Element, tree: _Tree, independent: Iterable[str]) -> Coupl
             'all joints between its links are independent; mark one with independent="false"'
         )
     follower = dependent[0]
-    slope = factors.pop(follower)
-    polynomials = {name: (0.0, -factor / slope) for name, factor in factors.items()}
+    factor_of_follower = factors.pop(follower)
+    polynomials = dict[str, tuple[float, float]]()  # the coefficients of q_j^0 and q_j^1
+    for name, factor in factors.items():
+        polynomials[name] = (0.0, -factor / factor_of_follower)
     return Coupling(follower, polynomials)
 
 
 def _independent(root: ET.Element) -> Iterator[str]:
-    """Joints of a URDF+ that are not marked `independent="false"`."""
+    """Joints of a URDF+ that are not marked `independent="false"`; none in another URDF."""
     joints = root.findall("joint")
     has_marks = any(joint.get("independent") for joint in joints)
-    if not has_marks and root.find("loop") is None and root.find("coupling") is None:
-        return  # not a URDF+
+    has_loops = root.find("loop") is not None or root.find("coupling") is not None
+    is_urdf_plus = has_marks or has_loops
+    if not is_urdf_plus:
+        return
     for joint in joints:
         can_have_motor = (
             joint.get("type") not in ("fixed", "floating") and joint.find("mimic") is None
@@ -363,7 +383,7 @@ def _faults_of_gazebo(joint: ET.Element) -> Iterator[str]:
 
 
 def _acting_dynamics(numbers_by_name: Mapping[str, str]) -> Iterator[str]:
-    """Friction and springs in a joint that closes a loop."""
+    """Faults of numbers that are not zero: friction and springs in a joint that closes a loop."""
     for key, text in numbers_by_name.items():
         if not stands_for(text, 0):
             yield f"<dynamics> with {key} {text.strip()!r} is not supported"
