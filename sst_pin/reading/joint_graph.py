@@ -2,9 +2,12 @@
 """Writes links and joints as the tree of a URDF; joints beyond the tree close loops.
 
 An SDF is a graph of links, not a tree. The tree is grown from the world, link by link. A joint is
-reversed if its child is in the tree before its parent. A link without a joint floats. In a URDF the
-frame of a link is at its joint. If the file has them at different poses, the joint moves a helper
-link without mass, and the link is fixed to the helper. So each link keeps its frame from the file.
+reversed if its child is in the tree before its parent. A link without a joint floats. A joint with
+several axes becomes several joints of a URDF in series, its steps.
+
+In a URDF the frame of a link is at its joint. If the file has them at different poses, the joint
+moves a helper link without mass, and the link is fixed to the helper. So each link keeps its frame
+from the file.
 """
 
 import xml.etree.ElementTree as ET
@@ -62,7 +65,7 @@ class GraphJoint:
 
 
 class _Step(NamedTuple):
-    """A joint of a URDF, with one axis at most."""
+    """One of the joints of a URDF, in series, that replace a joint; it has one axis at most."""
 
     name: str
     kind: str
@@ -70,26 +73,30 @@ class _Step(NamedTuple):
 
 
 class _TreeJoint(NamedTuple):
-    """A joint in the tree, whose parent is nearer to the world."""
+    """A joint in the tree; its parent is nearer to the world than its child."""
 
     parent: str
     child: str
     #: The pose of the joint's frame on the parent and on the child, at position zero.
     on_parent: pin.SE3
     on_child: pin.SE3
-    #: The joints of a URDF that replace it, in series from parent to child.
+    #: Its steps from parent to child.
     steps: list[_Step]
 
 
 class JointGraph:
-    """A URDF of links and joints, without the links: `add_link` adds them, `add_frame` frames.
+    """Links and joints as the elements of a URDF.
+
+    The constructor makes the joints. `add_link` adds the links, `add_frame` frames, and
+    `add_ball_constraint` balls that close loops.
 
     Attributes:
         urdf: The root of the URDF.
         balls: Names of the ball joints. URDF has none, so they are written as revolute.
         helpers: Names of links without mass that are not in the file: between two axes of a joint,
             between a joint and its link, and for frames.
-        problems: What joints that close loops cannot have.
+        problems: Names that are used twice, and parts of joints that close loops, such as friction,
+            that are not supported.
         notes: Warnings of limits of joints that close loops.
     """
 
@@ -100,12 +107,12 @@ class JointGraph:
         poses: Mapping[str, pin.SE3],
         frames: Collection[str] = (),
     ) -> None:
-        """Make the joints, and the links without mass between them.
+        """Make the joints, and the helpers between them.
 
         Args:
             name: The name of the robot.
             joints: All joints.
-            poses: The pose of each link in the world at zero, for links that float.
+            poses: For each link, its pose in the world at zero. A link that floats has it at zero.
             frames: Names of the frames that `add_frame` will add.
         """
         self.urdf = ET.Element("robot", name=name)
@@ -115,10 +122,12 @@ class JointGraph:
         self.notes = list[Problem]()
         self._in_tree = [WORLD]  # links, in the order in which the tree grows
         self._joint_names = {joint.name for joint in joints}
+        # All names that are used; names of helpers and of joints that are made here must be new.
         self._names = {WORLD, *poses, *frames, *self._joint_names}
         self._names.update(step.name for each in joints for step in _steps(each))
         ET.SubElement(self.urdf, "link", name=WORLD)
-        remaining = list(joints)  # that are not in the tree
+        # Grow the tree until each link is in it. Where no joint leads on, the link floats.
+        remaining = list(joints)  # joints that are not in the tree
         for link in poses:
             while link not in self._in_tree:
                 joint = self._next_joint(remaining)
@@ -131,7 +140,10 @@ class JointGraph:
             self._add_constraint(joint)
 
     def _next_joint(self, joints: list[GraphJoint]) -> GraphJoint | None:
-        """The first joint that adds a link to the tree, in the order of its links."""
+        """A joint between a link in the tree and a link that is not; None if there is none.
+
+        Links that are in the tree for longer come first, then the order of the joints.
+        """
         for link in self._in_tree:
             for joint in joints:
                 is_on_link = link in (joint.parent, joint.child)
@@ -141,7 +153,7 @@ class JointGraph:
         return None
 
     def _floating_joint(self, link: str, pose: pin.SE3) -> GraphJoint:
-        """A joint for a link that no joint connects with the tree."""
+        """A floating joint for a link that no joint connects with the tree; `pose` is at zero."""
         name = "floating_base" if len(self._in_tree) == 1 else f"{link}_floats"
         name = self._new_name(name)
         return GraphJoint(name, "floating", WORLD, link, pose, pin.SE3.Identity())
@@ -181,9 +193,9 @@ class JointGraph:
             self._add_joint(name, "fixed", parent, joint.child, joint.on_child.inverse())
 
     def _require_free_names(self, joint: GraphJoint, steps: Sequence[_Step]) -> None:
-        """Add a problem if a joint of one axis would get the name of another joint.
+        """Add a problem if a step of a joint would get the name of another joint.
 
-        Such names are fixed, because `<mimic>` and users refer to them.
+        A step cannot have another name, because `<mimic>` and users refer to it by this one.
         """
         for step in steps:
             if step.name != joint.name and step.name in self._joint_names:
@@ -194,7 +206,7 @@ class JointGraph:
         self, name: str, kind: str, parent: str, child: str, place: pin.SE3
     ) -> ET.Element:
         """Add a joint between two links, with its frame at a place on the parent."""
-        if kind == "ball":  # `balls` says which these are
+        if kind == "ball":  # `balls` has its name
             kind = "revolute"
         element = ET.SubElement(self.urdf, "joint", name=name, type=kind)
         ET.SubElement(element, "parent", link=parent)
@@ -226,13 +238,17 @@ class JointGraph:
         return name
 
     def add_ball_constraint(self, texts: Mapping[str, str]) -> None:
-        """Add a `<drake:ball_constraint>`, which closes a loop, from the texts of its SDF."""
+        """Add a `<drake:ball_constraint>`, which closes a loop.
+
+        `texts` has the texts of its parts in the SDF, by tag.
+        """
         element = ET.SubElement(self.urdf, "drake:ball_constraint")
         for tag, text in texts.items():
+            # In a URDF a body has its text in the attribute `name`, a point in `value`.
             ET.SubElement(element, tag, name=text, value=text)
 
     def _add_constraint(self, joint: GraphJoint) -> None:
-        """Add a joint that closes a loop, and what such a joint cannot have.
+        """Add a joint that closes a loop, and problems of parts that such a joint cannot have.
 
         It becomes a `<constraint>`, which `loop_elements` reads, with a link, an origin and an axis
         on both sides. A universal joint has its first axis on the parent, its second on the child.
@@ -248,7 +264,7 @@ class JointGraph:
         ET.SubElement(element, "child_axis", xyz=text_of(last_axis.direction))
         texts = []
         if joint.kind == "screw":
-            texts.append("is a screw, which no closure is")
+            texts.append("is a screw, which no closure replaces")
         for axis in joint.axes:
             for key in ("damping", "friction", "spring_stiffness"):
                 if axis.dynamics.get(key):
@@ -266,7 +282,10 @@ class JointGraph:
     def add_link(
         self, name: str, place: pin.SE3, mass: float, inertia: Mapping[str, float]
     ) -> ET.Element:
-        """Add a link; `place` is the pose of the inertia's frame on the link."""
+        """Add a link; `place` is the pose on the link of the frame that `inertia` refers to.
+
+        The keys of `inertia` are the attributes of a URDF's `<inertia>`, such as "ixx".
+        """
         element = ET.SubElement(self.urdf, "link", name=name)
         part = ET.SubElement(element, "inertial")
         ET.SubElement(part, "origin", origin_of(place))
@@ -284,8 +303,9 @@ class JointGraph:
 def _tree_joint(joint: GraphJoint, *, is_reversed: bool) -> _TreeJoint:
     """A joint as it is in the tree.
 
-    If it is reversed, parent and child change places, axes change their order and sign. So
-    positions about and along axes stay the same; the quaternion of a ball turns into its inverse.
+    If it is reversed, parent and child change places, and axes change their order and sign. A turn
+    or a slide of the child about an axis is the same turn or slide of the parent about the opposite
+    axis, so positions stay the same. A ball has no axis: its quaternion turns into its inverse.
     """
     steps = _steps(joint)
     if not is_reversed:
@@ -298,9 +318,10 @@ def _tree_joint(joint: GraphJoint, *, is_reversed: bool) -> _TreeJoint:
 
 
 def _steps(joint: GraphJoint) -> list[_Step]:
-    """The joints of a URDF that replace a joint, in series from its parent to its child.
+    """The steps of a joint, in series from its parent to its child.
 
-    A universal joint becomes two hinges, a screw a hinge and a slide that follows it.
+    A universal joint becomes two hinges. A screw becomes a hinge and a slide that mimics the hinge.
+    Any other joint has one step.
     """
     if joint.kind == "universal":
         name_1, name_2 = axis_names(joint.name, 2)
@@ -317,7 +338,7 @@ def _steps(joint: GraphJoint) -> list[_Step]:
 
 
 def axis_names(joint: str, count: int) -> list[str]:
-    """Names of the joints of one axis that replace a joint with `count` axes."""
+    """Names of the steps that replace a joint with `count` axes; it keeps its name with one."""
     if count < 2:
         return [joint]
     return [f"{joint}_{k}" for k in range(1, count + 1)]
@@ -326,7 +347,7 @@ def axis_names(joint: str, count: int) -> list[str]:
 def _add_numbers(element: ET.Element, axis: Axis, *, may_be_continuous: bool) -> None:
     """Add the limits, friction and mimic of an axis to the element of a joint.
 
-    A hinge without limits becomes a continuous joint if it may.
+    A hinge without limits becomes continuous if it may; the hinge in place of a ball may not.
     """
     lower = axis.limit["lower"]
     upper = axis.limit["upper"]
