@@ -96,8 +96,8 @@ def _have_error(problems: Sequence[Problem]) -> bool:
     return any(problem.severity == "error" for problem in problems)
 
 
-def summary_of(model: pin.Model, mobility: object) -> str:
-    """Mobility and moving mass of a robot, for people."""
+def summary_of(model: pin.Model, mobility: Mobility | str) -> str:
+    """Mobility, or why it is not known, and moving mass of a robot, for people."""
     mass = sum(inertia.mass for inertia in list(model.inertias)[1:])  # without the base
     return f"{mobility}\nmoving mass         {mass:.6g} kg"
 
@@ -153,7 +153,10 @@ def _mjcf(path: Path) -> Report:
 
 
 def _errors_of(caught: SSTError, where: str) -> list[Problem]:
-    """The problems of an exception as errors."""
+    """The problems of an exception as errors.
+
+    For a wrong file, the texts of exceptions start with "not a URDF: ". Here `where` says this.
+    """
     texts = caught.problems if isinstance(caught, DescriptionError) else [str(caught)]
     return [error(where, re.sub("^not (a URDF|an SDF|an MJCF): ", "", text)) for text in texts]
 
@@ -161,7 +164,7 @@ def _errors_of(caught: SSTError, where: str) -> list[Problem]:
 def _robot(robot: RobotFile) -> Report:
     """The report on closures, motors and home of a robot that could be read."""
     try:
-        # What would prevent a mechanism: names first, since the closures need their frames.
+        # Without known names and closed loops there is no mechanism. Closing needs the names.
         problems = list(_unknown_names(robot))
         if not problems:
             problems = list(_closures_that_stay_open(robot))
@@ -177,9 +180,10 @@ def _robot(robot: RobotFile) -> Report:
         try:
             mobility = engine.loops.mobility()
         except ClosureError as caught:
+            # `_gap` closed the loops from q = 0, where mobility may differ from other poses.
             text = "only the start q = 0 leads to closed loops, so mobility is not computed"
             problems = [warning("closures", text), *problems]
-            return Report(problems, summary_of(robot.model, caught))
+            return Report(problems, summary_of(robot.model, str(caught)))
         problems = [*_actuation(engine, mobility), *problems]
         return Report(problems, summary_of(robot.model, mobility))
     except SSTError as caught:
@@ -212,7 +216,7 @@ def _unknown_names(robot: RobotFile) -> Iterator[Problem]:
 
 def _closures_that_stay_open(robot: RobotFile) -> Iterator[Problem]:
     """Errors of closures that Newton's method cannot close from any of its starts."""
-    # A closure that cannot be closed alone names the fault; all together do not.
+    # Each closure alone first: if it cannot be closed, it is the one with the fault.
     gaps = {closure: _gap(robot, [closure]) for closure in robot.closures}
     for closure, gap in gaps.items():
         if gap:
@@ -235,16 +239,18 @@ def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
         warnings.simplefilter("ignore", DescriptionWarning)  # `_robot` reports them
         engine = Engine(without_forces.mechanism())
     try:
-        engine.loops.example()
+        engine.loops.example()  # from random configurations
+        return 0.0
     except ClosureError as caught:
-        # `example` starts from displaced joints; some robots close only from q = 0 itself.
-        model = engine.mechanism.model
-        try:
-            assembly = engine.reference.context.assembly
-            assembly.assemble(pin.neutral(model), np.arange(model.nv))
-        except ClosureError:
-            return caught.residual
-    return 0.0
+        smallest_residual = caught.residual
+    # Some robots close only from q = 0 itself, with all joints free to move.
+    model = engine.mechanism.model
+    assembly = engine.reference.context.assembly
+    try:
+        assembly.assemble(pin.neutral(model), free=np.arange(model.nv))
+        return 0.0
+    except ClosureError:
+        return smallest_residual
 
 
 def _home(engine: Engine) -> Iterator[Problem]:
@@ -270,6 +276,7 @@ def _home(engine: Engine) -> Iterator[Problem]:
             f"{coordinates} fixed and moves {rate} by {change[largest]:.3g} {unit}; "
             "if the pose is right, a length or a frame is wrong",
         )
+    # The home as a motion of one sample, whose time NaN means that there is none.
     for finding in findings(engine, np.array([np.nan]), np.array([engine.loops.home])):
         yield warning("home", str(finding))
 
