@@ -21,9 +21,9 @@ class Actuator:
     name: str
     #: The kind of element on which it acts, such as "joint" or "tendon".
     kind: str
-    #: The index of this element.
+    #: The index of this element in MuJoCo.
     target: int
-    #: Number of its controls.
+    #: Number of the actuator's controls.
     controls: int
     #: The force on the target is gear times the force of the actuator.
     gear: float
@@ -35,7 +35,8 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
         return
     mj = compiled.mj
     kinds = compiled.mujoco.mjtTrn
-    # Since MuJoCo 4 an actuator can have several controls, and outputs, each with a gear.
+    # Since MuJoCo 4 an actuator can have several controls, and several outputs with a gear each.
+    # The gear of the first output is read.
     first_outputs = getattr(mj, "actuator_outadr", np.arange(mj.nu))
     control_counts = getattr(mj, "actuator_ctrlnum", np.ones(mj.nu))
     for i, first_output in enumerate(first_outputs):
@@ -43,7 +44,8 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
         kind = kinds(mj.actuator_trntype[i]).name.removeprefix("mjTRN_").lower()
         kind = kind.removesuffix("inparent")
         target = int(mj.actuator_trnid[i, 0])
-        group_is_off = mj.opt.disableactuator >> mj.actuator_group[i] & 1  # a bit for each group
+        bit_of_group = 1 << int(mj.actuator_group[i])
+        group_is_off = mj.opt.disableactuator & bit_of_group
         if group_is_off or (kind == "joint" and compiled.is_locked(target)):
             continue
         yield Actuator(
@@ -108,7 +110,7 @@ def _is_within_one_body(compiled: Compiled, tree: MjcfTree, tendon: int) -> bool
 
 
 def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ...]:
-    """Motors that a caller names, each name of a fixed tendon replaced by its joints.
+    """Motors that a caller names, where the name of a fixed tendon means its joints.
 
     A name of both a joint and a tendon means the joint.
     """

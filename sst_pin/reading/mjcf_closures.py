@@ -2,7 +2,8 @@
 """Closures of an MJCF.
 
 Equalities become closures: points, welds, couplings of joints and fixed tendons, and rods, which
-are spatial tendons of constant length.
+are spatial tendons of constant length. A fixed tendon is a sum of joint positions, a spatial tendon
+a line; see `mjcf_compiled`.
 """
 
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from .mjcf_lines import line_problem
 from .mjcf_tree import MjcfTree
 from .robot_file import naming
 
-#: MuJoCo's polynomials of equalities have five coefficients, the first in `eq_data`.
+#: Number of coefficients of an equality's polynomial. They are the first entries of `eq_data`.
 _COEFFICIENTS = 5
 #: Index of a weld's torque scale in `eq_data`. If the scale is 0, the bodies can rotate.
 _TORQUESCALE = 10
@@ -28,16 +29,16 @@ def tendon_couplings(compiled: Compiled, tree: MjcfTree) -> Iterator[Coupling]:
     """Couplings of the joints that the tree has for fixed tendons.
 
     The position of such a joint is the length of the tendon: the sum of coefficients times
-    positions of joints. Locked joints make a constant part of it.
+    positions of joints. What locked joints add to this sum is constant: the offset.
     """
     mj = compiled.mj
     for tendon in tree.tendons:
         polynomials = dict[str, tuple[float, float]]()
-        length_of_moving = 0.0  # at `qpos0`
+        sum_of_moving = 0.0  # what the joints that are not locked add at `qpos0`
         for joint, coefficient in compiled.coefficients(tendon).items():
             polynomials[compiled.joint_name(joint)] = (0.0, coefficient)
-            length_of_moving += coefficient * mj.qpos0[mj.jnt_qposadr[joint]]
-        offset = compiled.tendon_length(tendon, mj.qpos0) - length_of_moving
+            sum_of_moving += coefficient * mj.qpos0[mj.jnt_qposadr[joint]]
+        offset = compiled.tendon_length(tendon, mj.qpos0) - sum_of_moving
         yield Coupling(compiled.name("tendon", tendon), polynomials, float(offset))
 
 
@@ -89,11 +90,11 @@ def _add_closure(compiled: Compiled, tree: MjcfTree, i: int, name: str) -> Closu
     if mj.eq_objtype[i] == int(compiled.mujoco.mjtObj.mjOBJ_SITE):
         return Closure(compiled.name("site", first), compiled.name("site", second), kind)
     if is_weld:
-        # MuJoCo stores the anchor in the second body, then the pose that the anchor, with the
-        # axes of the second body, has in the first body.
+        # MuJoCo stores the anchor's position in the second body, then the pose in the first body of
+        # a frame at the anchor with the axes of the second body.
         on_first = pose_of(data[3:6], data[6:10])
         on_second = pin.SE3(np.eye(3), data[:3])
-    else:
+    else:  # the anchor's position in each body
         on_first = pin.SE3(np.eye(3), data[:3])
         on_second = pin.SE3(np.eye(3), data[3:6])
     tree.add_frame(f"{name}_A", first, on_first)
@@ -102,7 +103,7 @@ def _add_closure(compiled: Compiled, tree: MjcfTree, i: int, name: str) -> Closu
 
 
 def _rod(compiled: Compiled, name: str, tendon: int, extension: float) -> Iterator[Distance]:
-    """A spatial tendon of constant length: its length at `qpos0` plus an extension."""
+    """A spatial tendon of constant length: its length at `qpos0` plus an extension, [m]."""
     problem = line_problem(compiled, tendon)
     if problem:
         compiled.problems.append(f"{name}: {problem}")
@@ -155,7 +156,8 @@ class _Equation(NamedTuple):
     """An equation of joint positions x_j: 0 = constant + sum of p_j(x_j) over some joints."""
 
     constant: float
-    #: Coefficients of each p_j in powers of x_j, by joint. The first is 0, the last is not.
+    #: Coefficients of the polynomial p_j, by joint: of 1, x_j, x_j^2 and so on. The first
+    #: coefficient is 0, the last is not.
     polynomials: dict[str, Array]
 
 
@@ -170,16 +172,18 @@ def _equation(left: _Side, right: _Side, coefficients: Array) -> _Equation:
         polynomials[joint] = np.zeros(_COEFFICIENTS)
         polynomials[joint][1] = -coefficient
     for joint, coefficient in right.coefficients.items():
-        # P(coefficient x - right_0) in powers of the position x of this joint alone. The parts of
-        # several joints add up only if P is linear; `_coupling` refuses other sums.
-        of_x = P(np.polynomial.Polynomial([-right.at_qpos0, coefficient])).coef
-        powers = np.asarray(of_x, dtype=float)
-        polynomials.setdefault(joint, np.zeros(_COEFFICIENTS))[1 : len(powers)] += powers[1:]
+        # With this joint alone, right = coefficient x, and P(coefficient x - right_0) is a
+        # polynomial in x. Polynomials of several joints add up only if P is linear; `_coupling`
+        # refuses other sums.
+        shifted = np.polynomial.Polynomial([-right.at_qpos0, coefficient])
+        powers = np.asarray(P(shifted).coef, dtype=float)
+        of_joint = polynomials.setdefault(joint, np.zeros(_COEFFICIENTS))
+        of_joint[1 : len(powers)] += powers[1:]  # `constant` below has the constant terms
     without_zeros = dict[str, Array]()
     for joint, powers in polynomials.items():
         if powers.any():
             without_zeros[joint] = np.trim_zeros(powers, "b")
-    constant = left.at_qpos0 + P(-right.at_qpos0)
+    constant = left.at_qpos0 + P(-right.at_qpos0)  # the equation's right side where all x_j = 0
     return _Equation(float(constant), without_zeros)
 
 
@@ -188,8 +192,8 @@ def _coupling(
 ) -> Iterator[Coupling]:
     """The coupling left - left_0 = P(right - right_0), if not all its joints are locked.
 
-    Its equation is solved for the position of a joint whose polynomial is linear, the follower:
-    with p_follower(x) = slope x,
+    Its equation is solved for the position of one joint, the follower, whose polynomial is linear.
+    With p_follower(x) = slope x,
 
         x_follower = (constant + sum of the other p_j) / -slope.
     """
@@ -197,9 +201,9 @@ def _coupling(
     if not equation.polynomials and not equation.constant:
         return
 
-    # The follower: a joint of the left side if there is one. Among several, the largest slope
-    # divides with the smallest rounding.
-    slopes = dict[str, float]()
+    # The follower is a joint of the left side if there is one. Of several joints, the one with the
+    # largest slope follows, since this division has the smallest rounding.
+    slopes = dict[str, float]()  # of the linear polynomials
     for joint, powers in equation.polynomials.items():
         if len(powers) == 2:
             slopes[joint] = float(powers[1])

@@ -73,9 +73,9 @@ class Compiled:
 
     @cached_property
     def gravcomp(self) -> float | None:
-        """The share of the weights that is compensated, if it is one for all bodies; else None."""
+        """The compensated share of the weights, if all moving bodies have the same; else None."""
         mj = self.mj
-        if self.motors_carry_weights:
+        if self.motors_carry_weights:  # `mjcf_unread` refuses it
             return None
         moving = mj.body_weldid > 0
         shares = set(self.body_gravcomp[moving & (mj.body_mass > 0)].tolist())
@@ -86,18 +86,21 @@ class Compiled:
     def name(self, kind: str, i: int) -> str:
         """Name of an element; one without a name is called after its kind and number.
 
-        A site beside the body of the same name is called `NAME_site`: the name is the body's frame.
+        A site that has the name of a body, but not its frame, is called `NAME_site`, because the
+        frame of the body is called `NAME`.
         """
         name = getattr(self.mj, kind)(i).name or f"{kind}_{i}"
-        return f"{name}_site" if kind == "site" and self._is_beside_body(i, name) else name
+        if kind == "site" and self._is_beside_body(i, name):
+            return f"{name}_site"
+        return name
 
     def _is_beside_body(self, site: int, name: str) -> bool:
         """Whether a site has the name of a body whose frame is elsewhere."""
         body = self._bodies.get(name)
         if body is None:
             return False
-        at = pose_of(self.mj.site_pos[site], self.mj.site_quat[site])
-        return body != self.mj.site_bodyid[site] or at != pin.SE3.Identity()
+        on_body = pose_of(self.mj.site_pos[site], self.mj.site_quat[site])
+        return body != self.mj.site_bodyid[site] or on_body != pin.SE3.Identity()
 
     def joint_name(self, joint: int) -> str:
         """Name of a joint; one without a name is called after its body."""

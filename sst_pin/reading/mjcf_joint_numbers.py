@@ -37,7 +37,7 @@ def put_joint_numbers(compiled: Compiled, tree: MjcfTree) -> None:
 
 
 def springs_of(compiled: Compiled, tree: MjcfTree) -> JointSprings:
-    """The springs of joints, and of the fixed tendons that have a joint."""
+    """The springs of joints, also of the joints that the tree has for fixed tendons."""
     mj = compiled.mj
     stiffness = np.zeros(tree.model.nv)
     if not compiled.disabled("spring"):
@@ -50,9 +50,10 @@ def springs_of(compiled: Compiled, tree: MjcfTree) -> JointSprings:
 
 
 def _armature_by_tendons(compiled: Compiled, tree: MjcfTree) -> Array:
-    """Inertia of joints by fixed tendons that have no joint of their own, shape (mj.nv,).
+    """Inertia of joints by fixed tendons that have no joint in the tree, shape (mj.nv,).
 
-    Such a tendon acts on one joint only: with the coefficient c, its inertia m adds m c^2.
+    Such a tendon acts on one joint only; see `Compiled.needs_joint`. Its inertia m adds m c^2 to
+    the joint, with the coefficient c.
     """
     mj = compiled.mj
     armature = np.zeros(mj.nv)
@@ -74,7 +75,8 @@ def _put_position_limits(compiled: Compiled, tree: MjcfTree) -> None:
     if compiled.disabled("limit"):
         return
     balls = list[int]()
-    positions = {joint.idx_v: joint.idx_q for joint in list(model.joints)[1:]}  # by first rate
+    # Index in q of the first position of a joint, by the index in v of its first rate.
+    positions = {joint.idx_v: joint.idx_q for joint in list(model.joints)[1:]}
     for rate, dof in enumerate(tree.dofs):
         joint = int(mj.dof_jntid[dof])
         if not mj.jnt_limited[joint]:

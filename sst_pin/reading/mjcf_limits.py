@@ -10,10 +10,13 @@ from .mjcf_tree import MjcfTree
 
 
 def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
-    """Write the limits of motors into the tree, `effortLimit`; return those of spatial tendons.
+    """Write the largest forces of motors on joints into the model of the tree, as `effortLimit`.
 
-    Several actuators on one joint add up. If a range is not symmetric, the larger side is used for
-    both directions, and a note says so.
+    The ranges of several actuators on one joint add up. If a range is not symmetric, the larger
+    side is used for both directions, and a note says so.
+
+    Returns:
+        The largest forces of motors on spatial tendons, by the names of the tendons.
     """
     efforts_of_lines = dict[str, float]()
     for (kind, target), force_range in _ranges(compiled).items():
@@ -44,9 +47,10 @@ def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force_rang
 
 
 def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
-    """Ranges of forces, shape (2,), of all actuators on a target, by its kind and index.
+    """The range of the force on each target of actuators, by its kind and index.
 
-    A joint with a limit and without actuators has the range of its limit.
+    A range has the shape (2,), [N] or [N m]; it is the sum over all actuators on the target. A
+    joint may limit this sum. Without actuators it has the range of its limit.
     """
     mj = compiled.mj
     ranges = dict[tuple[str, int], Array]()
@@ -57,7 +61,7 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
         else:  # zero times an infinite range would be NaN
             range_of_one = np.zeros(2)
         ranges[key] = ranges.get(key, 0.0) + range_of_one
-    # Joints and tendons may limit the sum.
+    # Joints and tendons may limit the sum. Not every MuJoCo has the fields of these limits.
     prefixes = {"joint": "jnt", "tendon": "tendon"}
     for (kind, target), force_range in ranges.items():
         if kind not in prefixes:
@@ -66,7 +70,7 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
         if limited is not None and limited[target]:
             lower, upper = getattr(mj, f"{prefixes[kind]}_actfrcrange")[target]
             force_range[:] = np.clip(force_range, lower, upper)
-    limited_joints = getattr(mj, "jnt_actfrclimited", np.zeros(0))  # not every MuJoCo has them
+    limited_joints = getattr(mj, "jnt_actfrclimited", np.zeros(0))
     for joint in map(int, np.flatnonzero(limited_joints)):
         ranges.setdefault(("joint", joint), mj.jnt_actfrcrange[joint])
     return ranges
@@ -76,7 +80,7 @@ def _range_of(compiled: Compiled, i: int) -> Array:
     """The range of the force of one actuator, before its gear."""
     mj = compiled.mj
     mujoco = compiled.mujoco
-    # A motor whose control is a force, not a position or a rate: force = gain * control.
+    # If the control is a force, not a position or a rate, force = gain * control.
     is_force = (
         mj.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
         and mj.actuator_biastype[i] == int(mujoco.mjtBias.mjBIAS_NONE)
@@ -106,5 +110,5 @@ def _effort(compiled: Compiled, where: str, force_range: Array) -> float:
 
 
 def _larger_side(force_range: Array) -> float:
-    """The largest size of a force in a range."""
+    """The larger absolute value of the two ends of a range."""
     return float(np.abs(force_range).max())

@@ -41,13 +41,13 @@ def lines_of(
         compiled: The model.
         motors: Motors of the robot.
         efforts: The largest forces of motors on tendons, by name.
-        ropes: Names of the tendons that are read as ropes, so that their limits are not ignored.
+        ropes: Names of the tendons that are read as ropes; their limits are not ignored.
     """
     mj = compiled.mj
     driven = set[str]()  # names of joints and lines on which motors act
     for motor in motors:
-        _, shares = tendon_of(motor)
-        driven.update(shares)
+        _, factors = tendon_of(motor)
+        driven.update(factors)
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
         force = _force_of(compiled, tendon)
@@ -79,7 +79,7 @@ class _Force(NamedTuple):
 
 
 def _force_of(compiled: Compiled, tendon: int) -> _Force:
-    """The forces of a tendon."""
+    """The coefficients of a tendon, zero for a force that a flag disables."""
     mj = compiled.mj
     stiffness = 0.0
     damping = 0.0
@@ -94,9 +94,10 @@ def _force_of(compiled: Compiled, tendon: int) -> _Force:
 
 
 def _dead_band_problem(compiled: Compiled, tendon: int, force: _Force) -> str:
-    """Why the lengths without a force of the spring make no line; empty if they do.
+    """Why the dead band of a tendon's spring is not supported; empty if it is.
 
-    A spring that has no force from length 0 on is a cable, which only pulls.
+    A dead band is a range of lengths at which the spring has no force. If it starts at length 0,
+    the tendon is a cable, which only pulls.
     """
     shortest, longest = compiled.mj.tendon_lengthspring[tendon]
     if not force.stiffness or shortest == longest:
@@ -116,7 +117,10 @@ def _line(
     limits: tuple[float, float],
     effort: float,
 ) -> LineForce:
-    """The line of a spatial tendon between two sites, with its least and largest length."""
+    """The line of a spatial tendon between two sites.
+
+    `limits` are its least and largest length, [m]; `effort` is the largest force of its motor, [N].
+    """
     mj = compiled.mj
     lower, upper = limits
     site_a, site_b = mj.wrap_objid[compiled.wraps(tendon)]

@@ -56,8 +56,8 @@ def _first_element(path: Path) -> str:
 def _load_without_missing_files(mujoco: Any, path: Path, error: str) -> LoadedMjcf:
     """The model without meshes and textures whose files are missing.
 
-    If none is missing, or a body has its mass from such a mesh, the file is refused. `error` is
-    MuJoCo's message on the whole file.
+    If no file is missing, or a body has its mass from such a mesh, the MJCF is refused. `error` is
+    MuJoCo's message on the whole MJCF.
     """
     source = str(path)
     refused = DescriptionError(source, [f"MuJoCo refuses it: {error}"])
@@ -106,7 +106,10 @@ def _delete_missing_textures(spec: Any, folder: Path) -> set[str]:
 
 
 def _delete_shapes(spec: Any, meshes: Collection[str], always_from_shapes: bool) -> list[str]:
-    """Delete the shapes of some meshes; problems name bodies that get their mass from one."""
+    """Delete the shapes of some meshes; returns problems of bodies that have their mass from one.
+
+    `always_from_shapes` says that bodies have their masses from shapes, even with an `<inertial>`.
+    """
     problems = list[str]()
     for body in spec.bodies:
         for geom in [geom for geom in body.geoms if geom.meshname in meshes]:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces that MuJoCo computes at a few random states of a model.
 
-They tell which numbers of a model act: if the forces with the numbers and with zeros in their place
-agree bit for bit, the numbers do not act on a joint that moves.
+They tell which numbers of a model act on the motion. The forces are computed with the numbers of
+the file, and with zeros in their place. If both agree bit for bit, the numbers do not act on a
+joint that moves.
 """
 
 from collections.abc import Iterator

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The tree of a compiled MJCF as a Pinocchio model.
 
-Hinges and slides have the coordinates of MuJoCo's `qpos`, which include `ref`. Balls and free
-joints have Pinocchio's coordinates. In Pinocchio a quaternion has its scalar last, in MuJoCo first.
-In Pinocchio the linear rates of a free joint are in axes of the body, in MuJoCo in axes of the
-world. Angular rates are in axes of the body in both. Where the difference matters, because the
-joint has a spring, dry friction or armature, the free joint becomes three slides and a ball.
+Hinges and slides have the coordinates of MuJoCo's `qpos`, so that their positions at the reference
+configuration `qpos0` are what the file calls `ref`. Balls and free joints have Pinocchio's
+coordinates. In Pinocchio a quaternion has its scalar last, in MuJoCo first. In Pinocchio the linear
+rates of a free joint are in axes of the body, in MuJoCo in axes of the world. Angular rates are in
+axes of the body in both. Where the difference matters, because the joint has a spring, dry friction
+or armature, the free joint becomes three slides and a ball.
 
 A fixed tendon with forces or inertia becomes a joint of a body without mass. `mjcf_closures`
 couples the joint: its position is the length of the tendon. So springs, dampers, friction and
@@ -28,18 +29,19 @@ from .mjcf_compiled import BALL, FREE, HINGE, Compiled, pose_of
 class _JointKind(NamedTuple):
     """What a joint of MuJoCo is in Pinocchio."""
 
-    #: The model of the joint, unless some of its rates are locked or it is split.
+    #: The joint of Pinocchio. If rates are locked or it is split, joints in series replace it.
     joint_model: Any
     #: Indices of its coordinates in `qpos`, in Pinocchio's order.
     addresses: list[int]
-    #: The placement of its body on the parent at `qpos0`; for a free joint where its pose begins.
+    #: The placement of its body on the parent at `qpos0`. For a free joint, the placement in the
+    #: world relative to which the joint's coordinates are the body's pose.
     placement: pin.SE3
     #: The motion of the joint from `qpos0` to position zero.
     to_zero: pin.SE3 = pin.SE3.Identity()
-    #: The pose of a free joint that is locked in part, relative to which its remaining joints move;
-    #: None for other joints.
+    #: The pose in the world at `qpos0` of a free joint that is locked in part; its remaining joints
+    #: move relative to this pose. None for other joints.
     reference: pin.SE3 | None = None
-    #: Whether it becomes joints of one rate and a ball.
+    #: Whether it becomes three slides and a ball.
     is_split: bool = False
 
 
@@ -47,7 +49,7 @@ class _JointInTree(NamedTuple):
     """A joint of MuJoCo in the tree."""
 
     kind: _JointKind
-    #: The joints in series by which the Pinocchio model has it.
+    #: The joints in series that it has in the Pinocchio model.
     series: Series
 
 
@@ -76,9 +78,10 @@ class MjcfTree:
         self.model.name = mj.names.split(b"\0")[0].decode()
         if compiled.disabled("gravity"):
             self.model.gravity.linear = np.zeros(3)
+        elif compiled.gravcomp is None:  # `weight_shares` has what is compensated
+            self.model.gravity.linear = mj.opt.gravity
         else:
-            compensated = compiled.gravcomp or 0.0  # the same share of all weights
-            self.model.gravity.linear = mj.opt.gravity * (1 - compensated)
+            self.model.gravity.linear = mj.opt.gravity * (1 - compiled.gravcomp)
         self.bodies = [BodyInTree(0, pin.SE3.Identity())]
         self.dofs = list[int]()
         self.tendons = list[int]()
@@ -107,8 +110,11 @@ class MjcfTree:
         return np.concatenate(parts)
 
     def weight_shares(self) -> dict[str, Array]:
-        """Shares of the weights by joint, which `gravcomp` leaves; see `model.weight_shares`."""
-        if self._compiled.gravcomp is not None:  # the gravity has it
+        """Shares of the weights by joint, which `gravcomp` leaves; see `model.weight_shares`.
+
+        Empty if the share is the same for all bodies, because the model's gravity includes it then.
+        """
+        if self._compiled.gravcomp is not None:
             return {}
         mj = self._compiled.mj
         links = list[Link]()
@@ -119,7 +125,7 @@ class MjcfTree:
         return shares_of_links(self.model, links)
 
     def by_rate(self, of_dofs: Array, of_tendons: Array) -> Array:
-        """Numbers for the rates of the model, shape (nv,).
+        """One number for each rate of the model, shape (nv,).
 
         `of_dofs` has a number for each degree of freedom of MuJoCo, `of_tendons` for each tendon.
         """
@@ -137,14 +143,15 @@ class MjcfTree:
             if not self._compiled.is_locked(joint):
                 parent, placement = self._add_joint(joint, parent, placement)
         self.bodies.append(BodyInTree(parent, placement))
-        # MuJoCo has principal moments in axes at the mass centre.
+        # MuJoCo has principal moments, whose axes are the columns of R: R diag(moments) R^T.
         center = mj.body_ipos[body]
         R = pose_of(center, mj.body_iquat[body]).rotation
-        inertia = pin.Inertia(mj.body_mass[body], center, R * mj.body_inertia[body] @ R.T)
+        R_times_moments = R * mj.body_inertia[body]  # each column times its moment
+        inertia = pin.Inertia(mj.body_mass[body], center, R_times_moments @ R.T)
         self.model.appendBodyToJoint(parent, inertia, placement)
 
     def _add_joint(self, joint: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
-        """Add a joint; returns the last joint of its series and the body's placement there.
+        """Add a joint; returns the last joint of its series and the body's placement on it.
 
         `placement` is the placement of the body at `qpos0`, relative to joint `parent`.
         """
@@ -154,8 +161,8 @@ class MjcfTree:
             series: Series = PartlyLocked(kind.joint_model, dict.fromkeys(locked, 0.0))
         else:
             series = Series.whole(kind.joint_model)
-        # The joint turns about its anchor on the body. Its parts follow each other; the body stands
-        # behind the last one.
+        # The first part is at the anchor, the point of the body about which the joint turns, in the
+        # pose that the body has at position zero. Each part moves the next one, the last the body.
         mj = self._compiled.mj
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         first_dof = mj.jnt_dofadr[joint]
@@ -230,13 +237,13 @@ class MjcfTree:
         self.model.addFrame(pin.Frame(name, parent, placement * place, pin.FrameType.OP_FRAME))
 
     def add_body_frames(self) -> None:
-        """Add the frames of the bodies.
+        """Add the frames of the bodies, after all other frames.
 
         A joint with the name of a body has a frame too; `frame_id` prefers the body's frame.
         """
         for body, (parent, placement) in enumerate(self.bodies[1:], start=1):
             name = self._compiled.mj.body(body).name
-            # A site with the name of the body has a frame already; it is at the body's frame.
+            # A site with the name of the body, at the body's frame, is this frame already.
             if name and name not in self._frame_names:
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
@@ -247,8 +254,12 @@ def _scalar_last(address: int) -> list[int]:
 
 
 def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
-    """A joint with an axis: a class of `aligned` if the axis is x, y or z, else `unaligned`."""
-    for model, direction in zip(aligned, np.eye(3), strict=True):
+    """A joint with an axis.
+
+    `aligned` has the classes of Pinocchio for the axes x, y and z, `unaligned` is the class for
+    other axes.
+    """
+    for joint_class, direction in zip(aligned, np.eye(3), strict=True):
         if np.array_equal(axis, direction):
-            return model()
+            return joint_class()
     return unaligned(axis)

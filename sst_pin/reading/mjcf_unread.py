@@ -59,7 +59,7 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
     if forces.depend_on_medium():
         problems.append("a medium (density, viscosity, wind) is not supported")
 
-    # Forces that none of these fields causes. If there is a problem already, they may be the same.
+    # Forces that none of these fields causes. With a problem above, its force could be among them.
     if not problems:
         for joint in forces.joints_with_other_forces():
             text = "a passive force of MuJoCo on it is not supported"
@@ -68,7 +68,10 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
 
 
 def _problems_of_partly_locked(compiled: Compiled) -> Iterator[str]:
-    """Problems of joints that are locked in part and have forces that need all their rates."""
+    """Problems of balls and free joints that are locked in part and have forces, such as a spring.
+
+    The forces depend on all rates of such a joint.
+    """
     mj = compiled.mj
     for joint in range(mj.njnt):
         if compiled.is_locked(joint) or not compiled.locked_rates(joint):
