@@ -44,7 +44,7 @@ class Side(NamedTuple):
 class CutJoint(NamedTuple):
     """A joint that closes a loop.
 
-    The axes of its sides' frames are those of a `Closure` of this kind; see `cut_joint`.
+    The frames of its sides have the axes that a `Closure` of this kind needs; see `cut_joint`.
     """
 
     name: str
@@ -69,7 +69,8 @@ class CutJoint(NamedTuple):
         reference_id = self._link_id(model, side.relative_to)
         on_link = side.placement
         if reference_id != link_id:
-            on_link = data.oMf[link_id].actInv(data.oMf[reference_id]) * on_link
+            reference_on_link = data.oMf[link_id].actInv(data.oMf[reference_id])
+            on_link = reference_on_link * on_link
         link = model.frames[link_id]
         on_joint = link.placement * on_link
         kind = pin.FrameType.OP_FRAME
@@ -86,10 +87,16 @@ class CutJoint(NamedTuple):
 
 
 def cut_joint(name: str, kind: str, side_a: Side, side_b: Side) -> CutJoint:
-    """The joint of a type of a URDF, `kind`, with frames as a `Closure` needs them.
+    """The joint that closes a loop, with frames as a `Closure` needs them.
 
-    A closure has fixed axes in its frames: z, or x and y for a universal joint. So each frame is
-    rotated until this axis is the axis of the joint.
+    A closure has fixed axes in its frames: z, or x of the first and y of the second frame for a
+    universal joint. So each frame is rotated until this axis is the axis of the joint.
+
+    Args:
+        name: The name of the joint.
+        kind: Its type in a URDF, such as "revolute"; a key of `_KINDS`.
+        side_a: The first side.
+        side_b: The second side.
 
     Raises:
         ValueError: If the type is unknown, both links are the same, or the axes of a slide differ.
@@ -111,7 +118,7 @@ def cut_joint(name: str, kind: str, side_a: Side, side_b: Side) -> CutJoint:
 
 
 def _with_axis(side: Side, axis: Array) -> Side:
-    """A side whose frame is rotated, so that the axis of the joint is this one in the frame."""
+    """The side with its frame rotated until the joint's axis has the direction `axis` in it."""
     rotation = pin.Quaternion.FromTwoVectors(axis, side.axis).matrix()
     placement = side.placement * pin.SE3(rotation, np.zeros(3))
     return side._replace(placement=placement, axis=axis)

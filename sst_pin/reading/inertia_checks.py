@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of the inertias of a URDF's links: can a body have them, are their units right?"""
+"""Checks of the inertias of a URDF's links: can a body have them, are their units right?
+
+`inertia_notes` has the warnings for everyone who reads the file, `check_inertias` all problems, for
+`validate`.
+"""
 
 import math
 import xml.etree.ElementTree as ET
@@ -48,8 +52,8 @@ _ROUNDING = 1e-9
 def impossible(mass: float, inertia: Array) -> str:
     """The reason why no body has this mass and these moments; empty if one can have them.
 
-    The moments are integrals over the mass: with principal moments A <= B <= C, A must not be
-    negative and A + B not less than C. A point or a rod without thickness counts as a body.
+    The moments are integrals over the mass. So the principal moments A <= B <= C satisfy A >= 0 and
+    A + B >= C. A point or a rod without thickness counts as a body.
     """
     A, B, C = _principal_moments(inertia)
     if not inertia.any():
@@ -86,6 +90,7 @@ def inertia_notes(root: ET.Element) -> Iterator[str]:
 def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[Problem]:
     """Problems of a URDF's inertials; the links in `helpers` need none."""
     bodies = _bodies_of(root)
+    # Whether a link moves relative to its parent; the base is not among them.
     moves = {
         attribute(joint, "child/link"): joint.get("type") != "fixed"
         for joint in root.findall("joint")
@@ -125,9 +130,9 @@ def _mass_ratio(masses: Mapping[str, float]) -> Iterator[Problem]:
         yield warning(f"links {heavy} and {light}", text)
 
 
-#: Largest ratio of a link's size to its radius of gyration, which is 3.5 for a rod, and of this
-#: radius to the largest size. Lengths or moments in millimetres make one of the ratios a thousand
-#: times larger.
+#: Largest ratio of a link's size to its radius of gyration, and of this radius to the largest size.
+#: The first ratio is 3.5 for a rod. If lengths or moments are in millimetres, one of the ratios is
+#: a thousand times larger.
 _MAX_SIZE_RATIO = 100
 
 
@@ -136,13 +141,12 @@ def _sizes(root: ET.Element, bodies: Mapping[str, _Body]) -> Iterator[Problem]:
 
     The size of a link is compared with its radius of gyration, sqrt(largest moment / mass).
     """
-    sizes = dict[str, float]()  # largest distance of a joint from the link's frame
+    sizes = dict[str, float]()  # largest distance of a child's joint from the link's frame
     for joint in root.findall("joint"):
-        for parent, origin in zip(joint.findall("parent"), joint.findall("origin"), strict=False):
-            place = numbers(origin.get("xyz", "0 0 0"), 3)
-            if place is not None:
-                name = parent.get("link", "")
-                sizes[name] = max(sizes.get(name, 0.0), float(np.linalg.norm(place)))
+        parent = attribute(joint, "parent/link")
+        place = numbers(attribute(joint, "origin/xyz"), 3)
+        if parent and place is not None:
+            sizes[parent] = max(sizes.get(parent, 0.0), float(np.linalg.norm(place)))
     largest_size = max(sizes.values(), default=0.0)
     for name, body in bodies.items():
         size = sizes.get(name, 0.0)
@@ -153,17 +157,17 @@ def _sizes(root: ET.Element, bodies: Mapping[str, _Body]) -> Iterator[Problem]:
         if not radius:
             continue  # it underflows
         if size > _MAX_SIZE_RATIO * radius:
-            joints = f"joints {size:.3g} m apart"
+            distance = f"joints {size:.3g} m apart"
         elif radius > _MAX_SIZE_RATIO * largest_size > 0:
-            joints = f"no link has joints more than {largest_size:.3g} m apart"
+            distance = f"no link has joints more than {largest_size:.3g} m apart"
         else:
             continue
-        text = f"{joints}, but a radius of gyration of {radius:.3g} m; URDF needs m, kg and kg m^2"
-        yield warning(f"link {name}", text)
+        text = f"{distance}, but a radius of gyration of {radius:.3g} m"
+        yield warning(f"link {name}", f"{text}; URDF needs m, kg and kg m^2")
 
 
 def _body_problem(body: _Body, where: str, moves: bool) -> Iterator[Problem]:
-    """At most one problem of the mass and the inertia of a link, also for other tools."""
+    """A problem of the mass and the inertia of a link, here or in other tools; at most one."""
     if body.mass < 0:
         return  # `urdf_checks` reports it
     reason = impossible(body.mass, body.inertia)

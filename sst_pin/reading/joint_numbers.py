@@ -15,27 +15,27 @@ from ..model.tree import joint_id
 #: Numbers by kind, then by the name of a joint or of a single rate. Kinds are "stiffness" and
 #: "reference" of springs, "viscous_friction", "coulomb_friction", "armature", and `LIMITS`.
 JointNumbers = Mapping[str, Mapping[str, float]]
-#: Limits of joints with one position: of the position, of the motor's force, of the rate.
+#: Limits of joints with one position: the least and the largest position, the largest force or
+#: torque of the motor, and the largest rate.
 LIMITS = ("lower", "upper", "effort", "velocity")
-#: Limits from here on are none, [rad], [m] and so on: files have such numbers, up to 1e16, for "no
-#: limit".
+#: A limit of at least this number means "no limit", in any unit. Files have such limits up to 1e16.
 FAR = 1e9
 
 
 def combined_numbers(
-    numbers: JointNumbers, others: JointNumbers, without: Collection[str]
+    of_urdf: JointNumbers, of_yaml: JointNumbers, fixed_joints: Collection[str]
 ) -> JointNumbers:
-    """Both numbers, where the second ones replace the first, without some joints."""
+    """The numbers of a URDF and its YAML, without fixed joints; the YAML replaces the URDF."""
     result: dict[str, dict[str, float]] = {}
-    for kind in (*numbers, *others):
-        result[kind] = {**numbers.get(kind, {}), **others.get(kind, {})}
-        for joint in without:
+    for kind in (*of_urdf, *of_yaml):
+        result[kind] = {**of_urdf.get(kind, {}), **of_yaml.get(kind, {})}
+        for joint in fixed_joints:
             result[kind].pop(joint, None)
     return result
 
 
 def put_numbers(model: pin.Model, numbers: JointNumbers) -> None:
-    """Write friction, rotors and limits into a model."""
+    """Write friction, rotors and limits into a model; springs are not part of it."""
     _fill(model.damping, model, numbers.get("viscous_friction", {}))
     _fill(model.friction, model, numbers.get("coulomb_friction", {}))
     _fill(model.armature, model, numbers.get("armature", {}))
@@ -56,11 +56,12 @@ def _position(model: pin.Model, name: str) -> int:
 
 
 def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
-    """Stiffness of the joints' springs, (nv,), and where they are relaxed, (nq,)."""
+    """Stiffness of the joints' springs, shape (nv,), and where they are relaxed, shape (nq,)."""
     stiffness = np.zeros(model.nv)
     _fill(stiffness, model, numbers.get("stiffness", {}))
     reference = pin.neutral(model)
-    # Zero is the neutral position. A ball has no single position, but can have this number.
+    # Zeros are left out: they mean the neutral position, also for a ball, which has no single
+    # position.
     positions = {name: x for name, x in numbers.get("reference", {}).items() if x}
     if positions:
         reference = with_positions(JointSpace(model), reference, positions)

@@ -26,7 +26,7 @@ _TEXTS = ("parent", "child", "gearbox_reference_body")
 
 
 def without_nested_models(model: ET.Element) -> tuple[ET.Element, list[str]]:
-    """A model whose inner models are parts of its own, and what prevents it."""
+    """A copy of a model that has the parts of its inner models, and problems of inner models."""
     problems = list[str]()
     flat = ET.Element(model.tag, model.attrib)
     flat.text = model.text
@@ -48,7 +48,10 @@ def without_nested_models(model: ET.Element) -> tuple[ET.Element, list[str]]:
 
 
 def _parts(model: ET.Element, name: str) -> list[ET.Element]:
-    """The elements of an inner model, with the names that they have in the outer model."""
+    """The elements of an inner model, with the names that they have in the outer model.
+
+    The last one is the frame of the inner model.
+    """
     first_link = model.find("link")
     canonical = model.get("canonical_link")
     if canonical is None and first_link is not None:
@@ -73,7 +76,10 @@ def _parts(model: ET.Element, name: str) -> list[ET.Element]:
 
 
 def _make_default_frames_explicit(part: ET.Element) -> None:
-    """Name the frame of the model where an element refers to it by default."""
+    """Write the frame of the model into an element that refers to it by default.
+
+    In the outer model, the default would be another frame.
+    """
     if part.tag == "frame" and not part.get("attached_to"):
         part.set("attached_to", MODEL)
     if part.tag == "link":
@@ -91,10 +97,10 @@ def _make_default_frames_explicit(part: ET.Element) -> None:
 
 
 def _rename(part: ET.Element, model: str) -> None:
-    """Put the name of the inner model before its names."""
+    """Put the name of the inner model before the names in one of its parts."""
 
     def outer(name: str) -> str:
-        """The name in the outer model of what has this name in the inner one."""
+        """The name in the outer model for a name in the inner one."""
         if name == WORLD:  # it has the same name everywhere
             return name
         if name == MODEL:

@@ -25,7 +25,8 @@ def urdf_shapes(
 ) -> pin.GeometryModel:
     """Visual or collision shapes of a URDF, for a tree whose joints may have been replaced.
 
-    Mesh files are relative to the folder of the URDF, `package://` to those above too.
+    Paths of mesh files are relative to the folder of the URDF. With `package://` they may be
+    relative to a folder above it, too.
     """
     folders = [str(each) for each in (folder, *folder.resolve().parents)]
     # Elements that shapes need, with their parts.
@@ -49,7 +50,8 @@ def urdf_shapes(
 
 #: Groups of geoms that MuJoCo's viewer shows; collision shapes usually are in others.
 _SHOWN_GROUPS = 3
-#: Shapes of geoms by `mjtGeom`, and the factors from MuJoCo's sizes to theirs.
+#: Shapes of geoms by `mjtGeom`, and factors from MuJoCo's sizes to the arguments of coal: MuJoCo
+#: has half lengths where coal has lengths.
 _SHAPES = {
     2: (coal.Sphere, (1,)),
     3: (coal.Capsule, (1, 2)),
@@ -77,9 +79,9 @@ def mjcf_shapes(
         geometry = _geometry(mj, i)
         if geometry is None or not colour[3] or mj.geom_group[i] >= _SHOWN_GROUPS:
             continue
-        joint, at = bodies[mj.geom_bodyid[i]]
-        at = at * pose_of(mj.geom_pos[i], mj.geom_quat[i])
-        shape = pin.GeometryObject(f"{i}_{mj.geom(i).name}", joint, at, geometry)
+        joint, body_on_joint = bodies[mj.geom_bodyid[i]]
+        geom_on_joint = body_on_joint * pose_of(mj.geom_pos[i], mj.geom_quat[i])
+        shape = pin.GeometryObject(f"{i}_{mj.geom(i).name}", joint, geom_on_joint, geometry)
         shape.meshColor = colour.astype(float)
         shapes.addGeometryObject(shape)
     return shapes

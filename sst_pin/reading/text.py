@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The content of files that describe a robot."""
+"""The texts of files that describe a robot, and their elements if they are XML."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -18,7 +18,8 @@ _ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
 _COMMENT = re.compile("<!--.*?-->", re.S)
 #: Attributes that are names, blanks included.
 _NAMES = {"name", "link", "filename"}
-#: Most links, joints and other elements: Pinocchio crashes in the recursion of deep trees.
+#: Largest number of links, joints and other elements: Pinocchio crashes in the recursion of deep
+#: trees.
 _MOST_ELEMENTS = 10_000
 
 
@@ -72,13 +73,14 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
 
 
 def parse_almost_xml(text: str, source: str, what: str) -> tuple[ET.Element, list[Problem]]:
-    """The elements of a file that other tools read, though XML forbids it; a warning says so.
+    """The elements of a file, also of one that is not XML and that other tools read nevertheless.
 
-    Such files have `--` in comments, or white space before `<?xml`.
+    Such files have `--` in comments, or white space before `<?xml`. A warning names this fault.
     """
     try:
         return parse_xml(text, source, what), []
     except DescriptionError as caught:
+        # Comments become empty lines, so that the numbers of the other lines stay.
         plain = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text.lstrip())
         try:
             root = parse_xml(plain, source, what)
@@ -92,7 +94,8 @@ def with_elements(root: ET.Element, tags: Mapping[str, Collection[str]]) -> ET.E
     """A copy of a robot with some of its elements, such as links and joints.
 
     `tags` has the tags of the elements that are copied and, for each, the tags of the parts that
-    are copied with it. In attributes with several numbers one blank separates two of them.
+    are copied with it. White space between the numbers of an attribute becomes one blank, which is
+    what urdfdom needs.
     """
     root_copy = ET.Element(root.tag, root.attrib)
     for element in root:
