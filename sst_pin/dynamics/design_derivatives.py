@@ -38,6 +38,7 @@ from . import regressor
 from .dynamics import Context
 from .noc import body_jacobians
 from .reference import Reference
+from .torque_sharing import inverse_for_torques
 
 #: A parameter, a pattern of names, several that change together, or their factors.
 Parameter = str | Sequence[str] | Mapping[str, float]
@@ -330,7 +331,9 @@ class Design:
         if not self._small.mechanism.driven_one_to_one:
             A = L.T @ context.actuation(x)
             by_A = self._actuation_derivatives(context, x, L, leader_motions, by_L)
-            by_torques = _least(by_torques, A, np.tensordot(by_A, directions, (0, 0)), tau)
+            inverse = inverse_for_torques(self._small.mechanism, A)
+            by_A = np.tensordot(by_A, directions, (0, 0))
+            by_torques = _least(by_torques, A, inverse, by_A, tau)
         by_pose = np.zeros((0, len(self.names)))
         if frame is not None:
             index = frame_id(context.mechanism.model, frame)
@@ -432,7 +435,7 @@ def _put(array: Array, at: Array, values: Array) -> Array:
     return array
 
 
-def _least(by_f: Array, A: Array, by_A: Array, tau: Array) -> Array:
+def _least(by_f: Array, A: Array, inverse: Array, by_A: Array, tau: Array) -> Array:
     """Derivatives of the least torques with A tau = f, shape (motors, names).
 
     With tau = A^+ f and A of full row rank (Golub and Pereyra 1973),
@@ -442,7 +445,6 @@ def _least(by_f: Array, A: Array, by_A: Array, tau: Array) -> Array:
     The second part makes no motion: it keeps the preload at zero. It vanishes if A has no null
     space.
     """
-    inverse = np.linalg.pinv(A)
     for_motion = inverse @ (by_f - np.einsum("imk,m->ik", by_A, tau))
     preload = np.einsum("imk,i->mk", by_A, inverse.T @ tau)
     return for_motion + preload - inverse @ (A @ preload)

@@ -34,12 +34,12 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
     The part of f that no motor can produce is ignored.
     """
-    G = _weighted_inverse(mechanism, A, weights)
+    G = inverse_for_torques(mechanism, A, weights)
     tau = G.dot(f)
     return tau + G.dot(f - A.dot(tau))  # removes the rounding of the first solution
 
 
-def _weighted_inverse(mechanism: Mechanism, A: Array, weights: Array | None) -> Array:
+def inverse_for_torques(mechanism: Mechanism, A: Array, weights: Array | None = None) -> Array:
     """G, shape (motors, n): tau = G f are the torques of `least_torques`, to rounding."""
     units = mechanism.rate_scale[mechanism.coordinates]
     root = np.ones(A.shape[1])

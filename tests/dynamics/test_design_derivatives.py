@@ -263,3 +263,36 @@ def test_with_design_changes_lengths_of_rods_and_keeps_brakes():
     assert other.degrees_of_freedom == 2
     with pytest.raises(sst_pin.DescriptionError, match="positive"):
         chain.with_design({"elbow_2 - ball_2.length": -1.0})
+
+
+@pytest.mark.filterwarnings("ignore:.*first moment")  # a first moment alone
+def test_the_rank_of_the_actuation_is_that_of_the_torques():
+    """Two cables at the axis of a wheel, up to the rounding of a file, move its arm only."""
+    model = pin.Model()
+    arm = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
+    wheel_placement = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    wheel = model.addJoint(arm, pin.JointModelRY(), wheel_placement, "wheel")
+    body = pin.Inertia(2.0, np.array([0.5, 0.0, 0.0]), np.eye(3))
+    model.appendBodyToJoint(arm, body, pin.SE3.Identity())
+    model.appendBodyToJoint(wheel, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    places = {
+        "ceiling_1": (0, [0.5, 0.0, 2.0]),
+        "ceiling_2": (0, [1.5, 0.0, 1.0]),
+        "end_1": (wheel, [1e-11, 0.0, 0.0]),
+        "end_2": (wheel, [0.0, 0.0, 1e-11]),
+    }
+    for name, (joint, origin) in places.items():
+        placement = pin.SE3(np.eye(3), np.array(origin))
+        model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
+    lines = [sst_pin.LineForce(f"ceiling_{k}", f"end_{k}", name=f"cable_{k}") for k in (1, 2)]
+    chain = sst_pin.ClosedChain(
+        model, [], ["cable_1", "cable_2"], lines=lines, coordinates=["arm", "wheel"]
+    )
+    q, rest = [0.2, 0.3], [0.0, 0.0]
+    d = chain.design_derivatives(q, rest, rest, ["arm.mx"])
+    mx = chain.dynamic_parameters["arm.mx"]
+
+    def torques(s):
+        return chain.with_parameters({"arm.mx": mx + s}).compute_torques(q, rest, rest)
+
+    assert_allclose(d.torques[:, 0], derivative(torques, 0.1), rtol=1e-9)
