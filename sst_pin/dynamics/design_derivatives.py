@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives by design parameters: placements, lengths, masses and mass centres.
 
-A change of the geometry is the position of an added joint at rest. Derivatives by it are columns of
-L, of L_dot and of the derivatives of the forces of the larger mechanism. Forces are linear in the
-dynamic parameters; their derivatives are columns of the regressor.
+Parameters that change the geometry: the robot gets an additional joint, a slide or a turn, at each
+place that the change displaces. The position of this joint is the amount of the change. At zero the
+larger mechanism is the robot; the added joints are at rest. Derivatives by the amount of the change
+are therefore derivatives along a coordinate of the larger mechanism. Its L, L_dot and derivatives
+of forces contain them.
+
+Dynamic parameters: the forces are linear in them, so the derivatives are columns of the regressor.
+
+The module first reads the names of parameters (`groups_of`, `changed`). `Design` then makes the
+larger mechanism and computes the derivatives at one sample; `design_derivatives`, at the end, is
+its function for batches.
 """
 
 from __future__ import annotations
@@ -40,7 +48,7 @@ from .noc import body_jacobians
 from .reference import Reference
 from .torque_sharing import inverse_for_torques
 
-#: A parameter, a pattern of names, several that change together, or their factors.
+#: A name or a pattern of names, several of them that change together, or these with factors.
 Parameter = str | Sequence[str] | Mapping[str, float]
 
 
@@ -48,8 +56,8 @@ class Group(NamedTuple):
     """Design parameters that change together.
 
     Attributes:
-        label: Their name, or names, as the caller has given them.
-        factors: For each of them, its change for a unit change of the group.
+        label: The name or names that the caller has given.
+        factors: The change of each parameter, by its name, for a unit change of the group.
     """
 
     label: str
@@ -57,12 +65,14 @@ class Group(NamedTuple):
 
 
 class FrameWrenches(NamedTuple):
-    """Wrenches that stay at frames; the wrenches at the mass centres contain them.
+    """Wrenches that act at frames and stay there if the design changes.
+
+    The external wrenches at the mass centres, another argument, already contain their effect.
 
     Attributes:
         frames: Names of the frames.
-        bodies: Their bodies, from 0.
-        wrenches: [force; moment] at the origins, base axes, shape (..., frames, 6).
+        bodies: Indices of the bodies on which the frames are, from 0.
+        wrenches: [force; moment] at the origins of the frames, base axes, shape (..., frames, 6).
     """
 
     frames: list[str]
@@ -90,13 +100,16 @@ class DesignDerivatives(NamedTuple):
 
 
 def names_of(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of all parameters: lengths, displacements, dynamic parameters without offsets."""
+    """Names of all parameters: lengths, displacements, dynamic parameters.
+
+    The offsets among the dynamic parameters are left out: they belong to measurements.
+    """
     dynamic = regressor.names_of(mechanism)
     return (*parameter_names(mechanism), *(x for x in dynamic if not x.endswith("offset")))
 
 
 def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Group]:
-    """The names that change with each parameter."""
+    """A group for each parameter of the caller: the names that it stands for, and their factors."""
     known = names_of(mechanism)
     groups: list[Group] = []
     for parameter in parameters:
@@ -120,7 +133,7 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
 
 
 class ChangedDesign(NamedTuple):
-    """What changes of design parameters give.
+    """A mechanism's tree and numbers after changes of design parameters.
 
     Attributes:
         model: The tree with displaced joints and frames.
@@ -159,15 +172,17 @@ def changed(mechanism: Mechanism, changes: Mapping[str, float] | object) -> Chan
 class _AddedJoints(NamedTuple):
     """The joints that a mechanism gets for changes of its geometry; they are at rest.
 
-    A group of changes has a joint for each displacement and for each rod that changes its length.
-    The first one leads, and the others follow it in fixed proportions.
+    A group of parameters has a joint for each displacement and for each rod that changes its
+    length. The first joint of the group is its leader. The others follow the leader in fixed
+    proportions. A group of dynamic parameters has no joint and no leader.
 
     Attributes:
         at_rest: The joints at places that are displaced.
         rods: Names of the rods, by the names of the slides that change their lengths.
-        couplings: Of the joints that follow.
-        leaders: Names of the joints that lead, at most one for each group.
-        directions: Rates of the leaders, in rows, for a unit rate of each group, in columns.
+        couplings: The couplings of the joints that follow with their leaders.
+        leaders: Names of the leaders.
+        directions: Entry (i, k) is the rate of leader i at a unit rate of group k: not zero if i is
+            the leader of group k. Shape (leaders, groups).
     """
 
     at_rest: list[RestingJoint]
@@ -200,7 +215,9 @@ def _added_joints(mechanism: Mechanism, groups: Sequence[Group]) -> _AddedJoints
             continue
         leader, *followers = rates
         leaders.append(leader)
-        directions.append(rates[leader] * np.eye(len(groups))[k])
+        direction = np.zeros(len(groups))
+        direction[k] = rates[leader]
+        directions.append(direction)
         for follower in followers:
             ratio = rates[follower] / rates[leader]
             couplings.append(Coupling(follower, {leader: (0.0, ratio)}))
@@ -208,10 +225,13 @@ def _added_joints(mechanism: Mechanism, groups: Sequence[Group]) -> _AddedJoints
     return _AddedJoints(at_rest, rods, couplings, leaders, matrix)
 
 
-def _joints_at_places(moves: Mapping[str, Array], group: int) -> list[RestingJoint]:
-    """Joints at rest for the displacements of a group: a slide and a turn at each place."""
+def _joints_at_places(by_place: Mapping[str, Array], group: int) -> list[RestingJoint]:
+    """Joints at rest for the displacements of a group: a slide and a turn at each place.
+
+    A displacement is [linear; angular], shape (6,). `group` is the number of the group.
+    """
     joints: list[RestingJoint] = []
-    for place, displacement in moves.items():
+    for place, displacement in by_place.items():
         slide = np.concatenate([displacement[:3], np.zeros(3)])
         turn = np.concatenate([np.zeros(3), displacement[3:]])
         if slide.any():
@@ -222,19 +242,19 @@ def _joints_at_places(moves: Mapping[str, Array], group: int) -> list[RestingJoi
 
 
 class Design:
-    """A mechanism with joints at rest for changes of its geometry; one object per thread.
+    """Computes the derivatives of one robot by groups of parameters; one object per thread.
 
-    `small` is the robot, `large` the mechanism with the added joints. Its coordinates are those of
-    the robot, then the leaders of `_AddedJoints`.
+    `_robot` computes the robot, `_larger` the mechanism with the added joints. The coordinates of
+    the larger mechanism are those of the robot, then the leaders of `_AddedJoints`.
     """
 
     def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
-        self._small = reference
+        self._robot = reference
         self._groups = groups
         self.names = tuple(group.label for group in groups)
         mechanism = reference.mechanism
-        #: Changes of the dynamic parameters, a column for each group.
-        self._theta = np.array(
+        #: Changes of the dynamic parameters for unit changes of the groups, shape (p, groups).
+        self._theta_directions = np.array(
             [
                 [group.factors.get(name, 0.0) for group in groups]
                 for name in regressor.names_of(mechanism)
@@ -244,59 +264,59 @@ class Design:
         #: See `_AddedJoints`.
         self._directions = added.directions
 
-        # Where the robot's joints are in q, v and the bodies of the large mechanism.
-        small = mechanism.model
-        large = enlarged(small, added.at_rest, slides=added.rods)
-        ids = [large.getJointId(name) for name in list(small.names)[1:]]
-        pairs = [(small.joints[i], large.joints[j]) for i, j in enumerate(ids, 1)]
-        self._q = np.concatenate([j.idx_q + np.arange(i.nq) for i, j in pairs])
-        self._v = np.concatenate([j.idx_v + np.arange(i.nv) for i, j in pairs])
-        self._bodies = np.array(ids) - 1
-        self._neutral = pin.neutral(large)
-        self._large = Reference(self._enlarged(large, added))
+        # Indices of the robot's q, v and bodies in those of the larger mechanism.
+        larger_tree = enlarged(mechanism.model, added.at_rest, slides=added.rods)
+        names = list(mechanism.model.names)[1:]
+        joints = [larger_tree.joints[larger_tree.getJointId(name)] for name in names]
+        self._q_indices = np.concatenate([j.idx_q + np.arange(j.nq) for j in joints])
+        self._v_indices = np.concatenate([j.idx_v + np.arange(j.nv) for j in joints])
+        self._body_indices = np.array([j.id for j in joints]) - 1
+        self._neutral = pin.neutral(larger_tree)
+        self._larger = Reference(self._larger_mechanism(larger_tree, added))
 
-    def _enlarged(self, large: pin.Model, added: _AddedJoints) -> Mechanism:
-        """The mechanism with the added joints; `large` is its tree."""
-        mechanism = self._small.mechanism
+    def _larger_mechanism(self, tree: pin.Model, added: _AddedJoints) -> Mechanism:
+        """The mechanism with the added joints; `tree` is the tree with them."""
+        mechanism = self._robot.mechanism
         friction = mechanism.friction
         springs = mechanism.springs
-        zero_rates = np.zeros(large.nv)
-        no_motors = np.zeros((large.nv, mechanism.motor_count))
-        leading = [large.joints[large.getJointId(name)].idx_v for name in added.leaders]
+        zero_rates = np.zeros(tree.nv)
+        no_motors = np.zeros((tree.nv, mechanism.motor_count))
+        leaders = [tree.joints[tree.getJointId(name)].idx_v for name in added.leaders]
+        coordinates = [*self._v_indices[mechanism.coordinates], *leaders]
         return replace(
             mechanism,
-            model=large,
+            model=tree,
             closures=(*extended(mechanism.closures, added.rods), *added.couplings),
-            coordinates=np.array([*self._v[mechanism.coordinates], *leading], dtype=np.intp),
-            actuation=_put(no_motors, self._v, mechanism.actuation),
+            coordinates=np.array(coordinates, dtype=np.intp),
+            actuation=_put(no_motors, self._v_indices, mechanism.actuation),
             friction=Friction(
-                _put(zero_rates, self._v, friction.viscous),
-                _put(zero_rates, self._v, friction.coulomb),
+                _put(zero_rates, self._v_indices, friction.viscous),
+                _put(zero_rates, self._v_indices, friction.coulomb),
             ),
             springs=Springs(
-                _put(zero_rates, self._v, springs.stiffness),
-                _put(self._neutral, self._q, springs.reference),
+                _put(zero_rates, self._v_indices, springs.stiffness),
+                _put(self._neutral, self._q_indices, springs.reference),
             ),
-            weight_shares=self._enlarged_shares(large),
+            weight_shares=self._larger_weight_shares(tree),
             example=None,
             row_sizes=None,
         )
 
-    def _enlarged_shares(self, large: pin.Model) -> WeightShares | None:
-        """The shares of the weights for the bodies of the large tree."""
-        small = self._small.mechanism.weight_shares
-        if small is None:
+    def _larger_weight_shares(self, tree: pin.Model) -> WeightShares | None:
+        """Weight shares of the bodies of the larger tree; added bodies have no mass."""
+        of_robot = self._robot.mechanism.weight_shares
+        if of_robot is None:
             return None
-        bodies = large.njoints - 1
+        bodies = tree.njoints - 1
         return WeightShares(
-            _put(np.ones(bodies), self._bodies, small.shares),
-            _put(np.zeros((bodies, 3)), self._bodies, small.offsets),
+            _put(np.ones(bodies), self._body_indices, of_robot.shares),
+            _put(np.zeros((bodies, 3)), self._body_indices, of_robot.offsets),
         )
 
     def _at(self, q: Array) -> tuple[Array, Context]:
-        """The configuration x of the large mechanism, and its loops and L at x."""
-        x = _put(self._neutral, self._q, q)
-        context = self._large.context
+        """The configuration x of the larger mechanism at q, and its context with L at x."""
+        x = _put(self._neutral, self._q_indices, q)
+        context = self._larger.context
         context.complement.evaluate(x)
         return x, context
 
@@ -312,63 +332,73 @@ class Design:
     ) -> DesignDerivatives:
         """The derivatives of one sample.
 
-        A derivative by a parameter is that along the leader of its group times `directions`.
+        Derivatives are computed along the leaders first. Times `_directions`, they are those by the
+        groups.
         """
-        tau = self._small.torques(q, va, aa, wrenches)
+        tau = self._robot.torques(q, va, aa, wrenches)
+        mechanism = self._robot.mechanism
         n = len(va)
         directions = self._directions
         try:
             x, context = self._at(q)
         except SingularConfigurationError:
-            names = listed([group.label for group in self._groups if self._opens(group, q)])
-            cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
-            raise InputError("names", f"changes of {names} alone open the loops; {cure}") from None
-        # Columns of the large L: along the coordinates, then along each leader.
+            raise self._open_loops_error(q) from None
+        # Columns of the larger mechanism's L: for the robot's coordinates, then for the leaders.
         L, leader_motions = np.split(context.complement.L, [n], axis=1)
 
-        by_L = self._complement_derivatives(context, leader_motions, n)
-        by_torques = self._force_derivatives(q, x, va, aa, wrenches, at_frames, sign_width)
-        if not self._small.mechanism.driven_one_to_one:
+        L_along = self._complement_derivatives(context, leader_motions, n)
+        torques = self._force_derivatives(q, x, va, aa, wrenches, at_frames, sign_width)
+        if not mechanism.driven_one_to_one:
             A = L.T @ context.actuation(x)
-            by_A = self._actuation_derivatives(context, x, L, leader_motions, by_L)
-            inverse = inverse_for_torques(self._small.mechanism, A)
-            by_A = np.tensordot(by_A, directions, (0, 0))
-            by_torques = _least(by_torques, A, inverse, by_A, tau)
-        by_pose = np.zeros((0, len(self.names)))
+            A_along = self._actuation_derivatives(context, x, L, leader_motions, L_along)
+            inverse = inverse_for_torques(mechanism, A)
+            dA = _by_groups(A_along, directions)
+            torques = _least_torque_derivatives(torques, A, inverse, dA, tau)
+        pose = np.zeros((0, len(self.names)))
         if frame is not None:
             index = frame_id(context.mechanism.model, frame)
-            by_pose = self._large.frame_jacobian(x, index)[:, n:] @ directions
+            pose = self._larger.frame_jacobian(x, index)[:, n:] @ directions
         return DesignDerivatives(
             names=self.names,
-            q=leader_motions[self._v] @ directions,
-            torques=by_torques,
-            L=np.tensordot(by_L[:, self._v], directions, (0, 0)),
-            pose=by_pose,
+            q=leader_motions[self._v_indices] @ directions,
+            torques=torques,
+            L=_by_groups(L_along[:, self._v_indices], directions),
+            pose=pose,
         )
 
-    def _complement_derivatives(self, context: Context, leader_motions: Array, n: int) -> Array:
-        """Derivatives of L along each leader, shape (leaders, large nv, n).
+    def _open_loops_error(self, q: Array) -> InputError:
+        """The error for changes with which the loops cannot close; it names the groups."""
+        groups = [group for group in self._groups if _opens_loops(self._robot, group, q)]
+        # Where rounding decides, no group may open the loops alone.
+        names = listed([group.label for group in groups or self._groups])
+        cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
+        return InputError("names", f"changes of {names} alone open the loops; {cure}")
 
-        They are the rates of L in the motions of the leaders, shape (large nv, leaders).
+    def _complement_derivatives(self, context: Context, leader_motions: Array, n: int) -> Array:
+        """Derivatives of L along each leader, shape (leaders, larger nv, n).
+
+        Column k of `leader_motions`, shape (larger nv, leaders), has the rates of all joints at a
+        unit rate of leader k. The derivative along the leader is the rate of L at these rates.
         """
-        by_L = np.zeros((leader_motions.shape[1], len(leader_motions), n))
+        derivatives = np.zeros((leader_motions.shape[1], len(leader_motions), n))
         for k, motion in enumerate(leader_motions.T):
-            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(motion))[:, :n]
-        return by_L
+            derivatives[k] = context.complement.L_dot(context.loops.Phi_dot(motion))[:, :n]
+        return derivatives
 
     def _actuation_derivatives(
-        self, context: Context, x: Array, L: Array, leader_motions: Array, by_L: Array
+        self, context: Context, x: Array, L: Array, leader_motions: Array, L_along: Array
     ) -> Array:
         """Derivatives of A = L^T B along each leader, shape (leaders, n, motors).
 
-        B changes where motors act on lines, whose directions change.
+        `L_along` are those of L. B changes too where motors act on lines: it has J^T of the lines.
         """
-        by_A = by_L.swapaxes(1, 2) @ context.actuation(x)
+        derivatives = L_along.swapaxes(1, 2) @ context.actuation(x)  # evaluates the lines at x
         on_lines = context.mechanism.lines.actuation
         if on_lines.any():
             for k, motion in enumerate(leader_motions.T):
-                by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ on_lines
-        return by_A
+                J_along = context.lines.loops.Phi_dot(motion)
+                derivatives[k] += L.T @ J_along.T @ on_lines
+        return derivatives
 
     def _force_derivatives(
         self,
@@ -380,52 +410,60 @@ class Design:
         at_frames: FrameWrenches | None,
         sign_width: float,
     ) -> Array:
-        """Derivatives of the generalized forces, shape (n, names); x is the large configuration."""
+        """Derivatives of the forces f, shape (n, names).
+
+        x is the configuration of the larger mechanism at q.
+        """
         n = len(va)
         directions = self._directions
+        leaders = len(directions)
         if wrenches is not None:
-            no_wrenches = np.zeros((self._large.mechanism.model.njoints - 1, 6))
-            wrenches = _put(no_wrenches, self._bodies, wrenches)
-        rest = np.zeros(len(directions))
-        by_q_va_aa = self._large.torque_derivatives(
-            x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
+            no_wrenches = np.zeros((self._larger.mechanism.model.njoints - 1, 6))
+            wrenches = _put(no_wrenches, self._body_indices, wrenches)
+        at_rest = np.zeros(leaders)
+        by_q_va_aa = self._larger.torque_derivatives(
+            x, np.append(va, at_rest), np.append(aa, at_rest), wrenches, sign_width
         )
-        by_f = by_q_va_aa[:n, n : n + len(directions)] @ directions  # by q, of the leaders
+        # Rows of the robot's coordinates. Columns of q come first: coordinates, then leaders.
+        derivatives = by_q_va_aa[:n, n : n + leaders] @ directions
         if at_frames is not None:
-            by_f -= self._force_by_arms(x, at_frames) @ directions
-        if self._theta.any():
-            by_f += self._small.torque_regressor(q, va, aa) @ self._theta
-        return np.asarray(by_f)
+            derivatives -= self._moment_derivatives(x, at_frames) @ directions
+        if self._theta_directions.any():
+            derivatives += self._robot.torque_regressor(q, va, aa) @ self._theta_directions
+        return np.asarray(derivatives)
 
-    def _force_by_arms(self, x: Array, at_frames: FrameWrenches) -> Array:
-        """Derivative of J^T w along each leader, as the arms of wrenches at frames change.
+    def _moment_derivatives(self, x: Array, at_frames: FrameWrenches) -> Array:
+        """Derivatives along each leader of the forces of wrenches at frames, shape (n, leaders).
 
-        It is what derivatives for constant wrenches at the mass centres lack, shape (n, leaders).
+        A wrench with the force F at the point p has the moment (p - c) x F about the mass centre c.
+        Derivatives for constant wrenches at the mass centres do not have d(p - c) x F, the change
+        of this moment. It acts on the coordinates by the body's angular Jacobian, transposed.
         """
-        context = self._large.context
+        context = self._larger.context
         L = context.complement.L
         n = L.shape[1] - len(self._directions)
         J_of_bodies = body_jacobians(context.loops) @ L
-        force = np.zeros((n, len(self._directions)))
+        on_coordinates = np.zeros((n, len(self._directions)))
         frames = zip(at_frames.frames, at_frames.bodies, at_frames.wrenches, strict=True)
         for name, body, wrench in frames:
-            row = 6 * self._bodies[body]
+            row = 6 * self._body_indices[body]
             J_of_centre = J_of_bodies[row : row + 3]
-            J_of_turns = J_of_bodies[row + 3 : row + 6]
+            J_angular = J_of_bodies[row + 3 : row + 6]
             index = frame_id(context.mechanism.model, name)
-            J_of_frame = self._large.frame_jacobian(x, index)[:3]
-            arm_rates = (J_of_frame - J_of_centre)[:, n:]
-            moments = np.cross(arm_rates.T, wrench[:3]).T
-            force += J_of_turns[:, :n].T @ moments
-        return force
+            J_of_point = self._larger.frame_jacobian(x, index)[:3]
+            arm_derivatives = (J_of_point - J_of_centre)[:, n:]  # of p - c along the leaders
+            moments = np.cross(arm_derivatives.T, wrench[:3]).T
+            on_coordinates += J_angular[:, :n].T @ moments
+        return on_coordinates
 
-    def _opens(self, group: Group, q: Array) -> bool:
-        """Whether a change of this group alone opens the loops."""
-        try:
-            Design(self._small, [group])._at(q)
-        except SingularConfigurationError:
-            return True
-        return len(self._groups) == 1
+
+def _opens_loops(robot: Reference, group: Group, q: Array) -> bool:
+    """Whether a change of this group alone opens the loops at q."""
+    try:
+        Design(robot, [group])._at(q)
+    except SingularConfigurationError:
+        return True
+    return False
 
 
 def _put(array: Array, at: Array, values: Array) -> Array:
@@ -435,18 +473,25 @@ def _put(array: Array, at: Array, values: Array) -> Array:
     return array
 
 
-def _least(by_f: Array, A: Array, inverse: Array, by_A: Array, tau: Array) -> Array:
+def _by_groups(along_leaders: Array, directions: Array) -> Array:
+    """Derivatives by the groups, shape (..., groups), from those of shape (leaders, ...)."""
+    return np.tensordot(along_leaders, directions, axes=(0, 0))
+
+
+def _least_torque_derivatives(df: Array, A: Array, inverse: Array, dA: Array, tau: Array) -> Array:
     """Derivatives of the least torques with A tau = f, shape (motors, names).
 
-    With tau = A^+ f and A of full row rank (Golub and Pereyra 1973),
+    With tau = A^+ f and A of constant rank (Golub and Pereyra 1973),
 
         dtau = A^+ (df - dA tau) + (I - A^+ A) dA^T (A^+)^T tau.
 
     The second part makes no motion: it keeps the preload at zero. It vanishes if A has no null
-    space.
+    space. The derivatives df have the shape (n, names), and dA (n, motors, names). `inverse` is
+    A^+, by `inverse_for_torques`.
     """
-    for_motion = inverse @ (by_f - np.einsum("imk,m->ik", by_A, tau))
-    preload = np.einsum("imk,i->mk", by_A, inverse.T @ tau)
+    # Axes: i coordinates, m motors, k names.
+    for_motion = inverse @ (df - np.einsum("imk,m->ik", dA, tau))
+    preload = np.einsum("imk,i->mk", dA, inverse.T @ tau)
     return for_motion + preload - inverse @ (A @ preload)
 
 
@@ -458,12 +503,22 @@ def design_derivatives(
     frame: str | None,
     sign_width: float,
 ) -> DesignDerivatives:
-    """Derivatives for samples of q, va, aa and wrenches, which contain those at frames."""
+    """Derivatives for a batch.
+
+    Args:
+        reference: The reference path of the robot.
+        parameters: The design parameters.
+        arrays: q, va, aa, and the external wrenches at the mass centres or None, with batch axes.
+        at_frames: The part of these wrenches that acts at frames, or None.
+        frame: Name of the frame whose pose is differentiated, or None.
+        sign_width: Width of the smoothed sign of Coulomb friction, [rad/s] or [m/s].
+    """
     mechanism = reference.mechanism
     wanted = in_order("names", parameters)
+    # The last design is kept: a loop over samples asks for the same parameters again.
     key = repr(wanted)
     if key not in reference.designs:
-        reference.designs.clear()  # one is enough for a loop
+        reference.designs.clear()
         reference.designs[key] = Design(reference, groups_of(mechanism, wanted))
     design = reference.designs[key]
     pose_size = 0
@@ -484,7 +539,8 @@ def design_derivatives(
         return np.concatenate([d.q.ravel(), d.torques.ravel(), d.L.ravel(), d.pose.ravel()])
 
     samples = [*arrays, None if at_frames is None else at_frames.wrenches]
-    rows = for_each_sample(row, samples, (1, 1, 1, 2, 2), (int(ends[-1]),))
+    sample_axes = (1, 1, 1, 2, 2)  # of q, va, aa, wrenches, wrenches at frames
+    rows = for_each_sample(row, samples, sample_axes, (int(ends[-1]),))
     parts = np.split(rows, ends[:-1], axis=-1)
     q, torques, L, pose = (
         part.reshape(*rows.shape[:-1], *shape, len(wanted))
