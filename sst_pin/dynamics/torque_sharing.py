@@ -4,6 +4,9 @@
 Motor torques tau give the forces A tau along the coordinates. A = L^T B = J^T, shape (n, motors),
 with v = L va, the actuation matrix B and the actuator Jacobian J. Torques in the null space of A
 make no motion: they are a preload.
+
+`least_torques` solves A tau = f, `preload_directions` is the null space of A along a batch, and
+`shared_torques` adds a preload and keeps torques within limits, by `within_limits`.
 """
 
 from __future__ import annotations
@@ -18,8 +21,8 @@ from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..loops.ranks import rank_of
 from ..model.mechanism import Mechanism
 
-#: Torques may exceed limits by this part of the largest: the rounding of torques that have been
-#: clipped to them before.
+#: Torques that exceed limits by this part of the largest torque are within them: torques that have
+#: been clipped to limits before exceed them by rounding.
 _ROUNDING = 1e-12
 #: A least-distance problem has no solution if its residual, free of units, is below this: the
 #: residual is then rounding of numbers that are about one.
@@ -40,21 +43,25 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
 
 def inverse_for_torques(mechanism: Mechanism, A: Array, weights: Array | None = None) -> Array:
-    """G, shape (motors, n): tau = G f are the torques of `least_torques`, to rounding."""
+    """G, shape (motors, n): tau = G f are the torques of `least_torques`, to rounding.
+
+    Without weights and with A of full row rank, G is the pseudo-inverse of A.
+    """
     units = mechanism.rate_scale[mechanism.coordinates]
-    root = np.ones(A.shape[1])
+    root_weights = np.ones(A.shape[1])
     if weights is not None:
-        root = np.sqrt(weights)
-    # tau = x / root with the shortest x that solves (units A / root) x = units f.
-    U, s, Vt = np.linalg.svd(units[:, None] * A / root, full_matrices=False)
-    # The rank does not depend on the weights; it is judged in units of the motors.
-    if (root != mechanism.motor_scale).any():
-        sizes = np.linalg.svd(_without_units(mechanism, A), compute_uv=False)
+        root_weights = np.sqrt(weights)
+    # The sum of weights tau^2 is |x|^2 with x = root_weights tau. So x is the shortest solution of
+    # (units A / root_weights) x = units f.
+    U, s, Vt = np.linalg.svd(units[:, None] * A / root_weights, full_matrices=False)
+    # The rank must not depend on the weights: it is that of A free of units.
+    if (root_weights != mechanism.motor_scale).any():
+        singular_values = np.linalg.svd(_without_units(mechanism, A), compute_uv=False)
     else:
-        sizes = s  # of the same matrix
-    rank = rank_of(np.asarray(sizes, dtype=float))
+        singular_values = s  # it is the same matrix
+    rank = rank_of(np.asarray(singular_values, dtype=float))
     inverse = (Vt[:rank].T / s[:rank]).dot(U[:, :rank].T)
-    return np.asarray(inverse * units / root[:, None])
+    return np.asarray(inverse * units / root_weights[:, None])
 
 
 def null_space(mechanism: Mechanism, A: Array) -> Array:
@@ -74,8 +81,18 @@ def preload_directions(
 ) -> Array:
     """Orthonormal directions of preload, continuous along the last batch axis, (..., motors, k).
 
-    J are actuator Jacobians, shape (..., motors, n). The basis of a sample is the one nearest to
-    that of the sample before it. The first is nearest to that of the reference, shape (motors, n).
+    Each sample has its null space of A; its basis in this space is the one nearest to the basis of
+    the sample before it.
+
+    Args:
+        mechanism: The mechanism.
+        J: Actuator Jacobians, shape (..., motors, n).
+        reference: The actuator Jacobian to whose basis the first one is nearest, shape (motors, n);
+            None for the first finite sample.
+        on_error: "raise" to refuse samples with another number of directions, "nan" for NaN there.
+
+    Raises:
+        SingularConfigurationError: If a sample has another number of directions.
     """
     batch = J.shape[:-2]
     core = J.shape[-2:]
@@ -202,9 +219,9 @@ def _nearest(
 
     if weights is not None:  # a basis that is orthonormal with these weights
         basis = basis @ np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * basis, mode="r"))
-    # The torques are tau + unit basis x with the shortest x that has G x >= h. If u >= 0 minimizes
-    # |E u - goal| and r = E u - goal is the residual, then x = -r[:k] / r[k]; r = 0 where no x
-    # has G x >= h.
+    # The torques are tau + unit basis x with the shortest x that has G x >= h: one row for each
+    # limit. Chapter 23: if u >= 0 minimizes |E u - goal| and r = E u - goal is the residual, then
+    # x = -r[:k] / r[k]. The residual is zero if no x has G x >= h.
     G = np.vstack([basis, -basis])
     h = np.concatenate([limits[:, 0] - tau, tau - limits[:, 1]]) / unit
     finite = np.isfinite(h)
