@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives of inverse and direct dynamics along the motions that keep the loops closed.
 
-The tree's partial derivatives come first: of its inverse dynamics, with all wrenches of the loops
-on it, and of the velocities and accelerations of the closures' rows. The loops then say how the
-rates of the tree follow the coordinates. docs/derivatives.md derives the equations.
+docs/derivatives.md derives the equations. `Derivatives`, at the end, computes them in three steps:
 
-Derivatives by q are taken along each rate of the tree, as Pinocchio's are.
+1. On the tree, where q, v and v_dot are independent: derivatives of its inverse dynamics. Closures,
+   lines and external wrenches are loads on its bodies (`_Load`), which turn or stay with q.
+2. On the tree too: derivatives of the velocities and accelerations of the closures' rows
+   (`row_derivatives`). These say how v and v_dot must change so that the loops stay closed.
+3. The chain rule joins both (`_along_coordinates`).
+
+On the tree, a derivative by q has a column for each rate: the derivative along this rate, as
+Pinocchio's. Along the loops, it has a column for each coordinate k: the derivative along L e_k, the
+motion of all joints at the rate 1 of coordinate k. A subscript q or v names such derivatives.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -28,17 +34,19 @@ from ..loops.row_derivatives import (
 from ..loops.vectors import brackets, cross, skew
 from ..model.dry_friction import sign_slope
 from ..model.mechanism import Friction
-from ..model.weight_shares import WeightShares
-from .dynamics import Context, applied_forces, direct_dynamics
+from .dynamics import Context, applied_forces, direct_dynamics, tensions_in_motion
 
 
 class TorqueDerivatives(NamedTuple):
-    """Derivatives of the generalised forces f, those of the torques where motor k is coordinate k.
+    """Derivatives of the generalised forces f.
+
+    If motor k drives coordinate k, f are the motor torques. L e_k is the motion of all joints at
+    the rate 1 of coordinate k.
 
     Attributes:
-        dq: Along the motions L e_k of q, va and aa held, shape (..., n, n).
+        dq: By q along L e_k in column k, with constant va and aa, shape (..., n, n).
         dva: By va, shape (..., n, n).
-        daa: By aa: the generalised inertia matrix, shape (..., n, n).
+        daa: By aa: the mass matrix in the coordinates, shape (..., n, n).
     """
 
     dq: Array
@@ -50,7 +58,7 @@ class AccelerationDerivatives(NamedTuple):
     """Derivatives of the accelerations aa of the coordinates.
 
     Attributes:
-        dq: Along the motions L e_k of q, va and tau held, shape (..., n, n).
+        dq: By q along L e_k in column k, with constant va and tau, shape (..., n, n).
         dva: By va, shape (..., n, n).
         dtau: By the motor torques, shape (..., n, motors).
     """
@@ -64,7 +72,7 @@ class FrameVelocityDerivatives(NamedTuple):
     """Derivatives of a frame's [linear; angular] velocity, base axes, at its origin.
 
     Attributes:
-        dq: Along the motions L e_k of q, va held, shape (..., 6, n).
+        dq: By q along L e_k in column k, with constant va, shape (..., 6, n).
         dva: By va: the Jacobian, shape (..., 6, n).
     """
 
@@ -75,29 +83,37 @@ class FrameVelocityDerivatives(NamedTuple):
 def linear_system(d: AccelerationDerivatives, rates: Array | None) -> tuple[Array, Array]:
     """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of x' = A x + B u.
 
+    x = (displacements of the coordinates, deviations of va), and u are deviations of the torques.
     `rates` are `Derivatives.displacement_rates`, shape (..., n, n), or None if no joint axes move.
     """
-    rows = np.concatenate(d, axis=-1)
-    n = rows.shape[-2]
-    both = np.zeros((*rows.shape[:-2], 2 * n, rows.shape[-1]))
-    both[..., :n, n : 2 * n] = np.eye(n)
-    both[..., n:, :] = rows
+    # The columns of [A B] belong to the displacements, to va and to u.
+    accelerations = np.concatenate(d, axis=-1)
+    n = accelerations.shape[-2]
+    A_B = np.zeros((*accelerations.shape[:-2], 2 * n, accelerations.shape[-1]))
     if rates is not None:
-        both[..., :n, :n] = rates
-    return both[..., : 2 * n], both[..., 2 * n :]
+        A_B[..., :n, :n] = rates
+    A_B[..., :n, n : 2 * n] = np.eye(n)
+    A_B[..., n:, :] = accelerations
+    return A_B[..., : 2 * n], A_B[..., 2 * n :]
 
 
 def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
-    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
+    """A and B of the exact step over dt, with constant u: x(t + dt) = A_d x(t) + B_d u.
+
+    They are the upper blocks of the exponential of [A B; 0 0] dt.
+    """
     from scipy.linalg import expm
 
     states, inputs = B.shape[-2:]
-    both = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
-    both[..., :states, :states] = A
-    both[..., :states, states:] = B
+    A_B = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
+    A_B[..., :states, :states] = A
+    A_B[..., :states, states:] = B
     with np.errstate(over="ignore", invalid="ignore"):
-        step = expm(both * dt)
-    if (~np.isfinite(step).all(axis=(-2, -1)) & np.isfinite(both).all(axis=(-2, -1))).any():
+        step = expm(A_B * dt)
+    # Samples that are NaN already have failed before.
+    is_valid = np.isfinite(A_B).all(axis=(-2, -1))
+    overflows = is_valid & ~np.isfinite(step).all(axis=(-2, -1))
+    if overflows.any():
         fastest = float(np.abs(np.linalg.eigvals(np.nan_to_num(A)).real).max())
         raise InputError(
             "dt",
@@ -107,11 +123,18 @@ def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
 
 
 class _ForceDerivatives(NamedTuple):
-    """Derivatives of the forces along the coordinates, shapes (n, n), and L, shape (nv, n)."""
+    """Derivatives of the forces along the coordinates, and L.
+
+    Attributes:
+        by_q: By q along L e_k in column k, shape (n, n).
+        by_va: By va, shape (n, n).
+        by_aa: By aa: the mass matrix in the coordinates, shape (n, n).
+        L: Joint orthogonal complement, shape (nv, n).
+    """
 
     by_q: Array
     by_va: Array
-    inertia: Array
+    by_aa: Array
     L: Array
 
 
@@ -119,9 +142,9 @@ class _Load(NamedTuple):
     """Wrenches on k frames of the normal tree.
 
     Attributes:
-        joints: The bodies of the frames.
-        frames: The frames.
-        w: [force; moment] at the world's origin, shape (k, 6).
+        joints: Numbers of the joints whose bodies carry the frames, k of them.
+        frames: Motions of the frames.
+        w: [force; moment] at the world's origin, base axes, shape (k, 6).
         w_q: Derivatives of w by q, shape (k, 6, nv).
     """
 
@@ -131,11 +154,14 @@ class _Load(NamedTuple):
     w_q: Array
 
 
-def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
-    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
-    forces = reactions[closure.rows.at]
-    w = forces.dot(closure.W).reshape(2, 6)
-    w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
+def _on_frames(closure: ClosurePartials, forces: Array) -> _Load:
+    """Forces along the rows of a closure or line, as wrenches on its frames B and A.
+
+    `forces` are those of all rows of Phi; the rows of this closure are used.
+    """
+    of_rows = forces[closure.rows.at]
+    w = of_rows.dot(closure.W).reshape(2, 6)
+    w_q = np.tensordot(of_rows, closure.W_q, axes=1).reshape(2, 6, -1)
     return _Load(closure.rows.bodies, closure.frames, w, w_q)
 
 
@@ -146,24 +172,32 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
     places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
     frames = tree.frames(joints, [place.homogeneous for place in places])
-    forces, moments = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
-    w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
+    forces = wrenches[loaded, :3]
+    moments = wrenches[loaded, 3:]
+    # At the origin the moment is moment + c x force with the mass centre c, the last column of M.
+    # Its derivative is c_q x force = -force x c_q.
+    c = frames.M[:, :3, 3]
+    c_q = np.moveaxis(frames.M_q[..., :3, 3], 0, -1)  # shape (k, 3, nv)
+    w = np.hstack((forces, moments + cross(c, forces)))
     w_q = np.zeros_like(frames.J)
-    w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
+    w_q[:, 3:] = -skew(forces) @ c_q
     return _Load(joints, frames, w, w_q)
 
 
-def _lifts(tree: TreeMotion, loops: Loops, weight_shares: WeightShares) -> _Load:
-    """Forces that carry what bodies do not have of their weight, as a load."""
-    lifted = weight_shares.lifted(loops.model)
+def _lifts(tree: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
+    """Forces that cancel the part of the weights that does not act, as a load on their bodies.
+
+    `lifted` is `Mechanism.lifted`: [mass; first moment] of this part, by the indices of the bodies.
+    """
     joints = [loops.tree.bodies[1 + body] for body in lifted]
     frames = tree.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
     # A placement M takes the first moment m c and the mass m to those about the world's origin:
-    # M [m c; m] = [m (R c + p); m].
+    # M [m c; m] = [m (R c + p); m]. Axes: k bodies, i and j of M, q rates.
     masses, *moments = np.transpose(list(lifted.values()))
     moments_and_masses = np.transpose([*moments, masses])
     at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
     at_origin_q = np.einsum("qkij,kj->kiq", frames.M_q[..., :3, :], moments_and_masses)
+    # The force is -m g, and its moment about the origin m (R c + p) x (-g) = g x m (R c + p).
     g = loops.model.gravity.linear
     w = np.hstack((-np.outer(masses, g), cross(g, at_origin)))
     w_q = np.zeros_like(frames.J)
@@ -171,26 +205,27 @@ def _lifts(tree: TreeMotion, loops: Loops, weight_shares: WeightShares) -> _Load
     return _Load(joints, frames, w, w_q)
 
 
-def _turning_along(twists: Array, w: Array) -> Array:
-    """Derivatives of wrenches w, shape (k, 6), that are fixed to bodies, shape (k, 6, nv).
+def _derivatives_fixed_to_bodies(w: Array, twists: Array) -> Array:
+    """Derivatives of wrenches w, shape (k, 6), if they turned with their bodies.
 
-    A body with the twist [v; omega] takes [force; moment] along, which changes by
-    [omega x force; omega x moment + v x force].
+    `twists` are the twists [v; omega] of the bodies per rate, shape (k, 6, nv), as is the result. A
+    wrench [force; moment] that is fixed to a body changes by [omega x force; omega x moment + v x
+    force].
     """
-    force = -skew(w[:, :3])
-    moment = -skew(w[:, 3:])
-    linear = twists[:, :3]
+    force_x = skew(w[:, :3])  # omega x force = -force x omega
+    moment_x = skew(w[:, 3:])
+    v = twists[:, :3]
     omega = twists[:, 3:]
-    return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)
+    return np.concatenate((-force_x @ omega, -moment_x @ omega - force_x @ v), axis=1)
 
 
 class _TreePartials(NamedTuple):
-    """Derivatives of the forces on the tree, where q, v and v_dot are independent, (nv, nv).
+    """Derivatives of the forces on the tree, where q, v and v_dot are independent.
 
     Attributes:
-        by_q: Along each rate of the tree.
-        by_v: By v.
-        M: By v_dot: the mass matrix.
+        by_q: By q, shape (nv, nv).
+        by_v: By v, shape (nv, nv).
+        M: By v_dot: the mass matrix of the tree, shape (nv, nv).
     """
 
     by_q: Array
@@ -201,13 +236,15 @@ class _TreePartials(NamedTuple):
 class _LinePartials(NamedTuple):
     """The tensions of lines and their derivatives, where q, v and v_dot are independent.
 
+    The tension of a line depends on its length l, and on l_dot and l_ddot.
+
     Attributes:
-        rows: Derivatives of the lengths' rates and second derivatives.
-        J: The rates of the lengths are J v, shape (lines, nv).
-        tensions: Shape (lines,).
-        stiffness: Derivatives of the tensions by the lengths, shape (lines,).
-        damping: By the rates of the lengths, shape (lines,).
-        masses: By their second derivatives, shape (lines,).
+        rows: Derivatives of l_dot and l_ddot by q and v, and the lines as closures of one row.
+        J: l_dot = J v, shape (lines, nv).
+        tensions: Tensions, those of moving masses included, shape (lines,), [N].
+        stiffness: Derivatives of the tensions by l, shape (lines,).
+        damping: Derivatives of the tensions by l_dot, shape (lines,).
+        masses: Derivatives of the tensions by l_ddot, shape (lines,).
     """
 
     rows: Partials
@@ -226,8 +263,7 @@ def _line_partials(
     v = tree.v
     lengths, J = context.lines.evaluate(q)
     rates = J.dot(v)
-    tensions = lines.tensions(lengths, rates, friction.sign_width, tau)
-    tensions = tensions + context.lines.inertial_tensions(q, v, tree.v_dot)
+    tensions = tensions_in_motion(context, friction, q, v, tree.v_dot, tau)
     taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
     damping = lines.damping * taut
     if lines.coulomb.any():
@@ -243,7 +279,10 @@ def _line_partials(
 
 
 def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
-    """The derivatives with those of the tensions; the lines keep their directions here."""
+    """The derivatives with those of J^T tensions for constant J.
+
+    The loads on the tree already contain the changes of J, the directions of the lines.
+    """
     by_q, by_v, M = of_tree
     per_length = lines.J.T * lines.stiffness
     per_rate = lines.J.T * lines.damping
@@ -259,11 +298,12 @@ def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
 def _along_coordinates(
     of_tree: _TreePartials, rows: Partials, L: Array, G: Array
 ) -> _ForceDerivatives:
-    """The chain rule: derivatives of L^T (forces on the tree), with constant L.
+    """The chain rule: derivatives of L^T F, with constant L and the forces F(q, v, v_dot).
 
-    G is the inverse of Phi: Phi G x = x, with coordinates at rest.
+    G is `JointComplement.inverse`: Phi G b = b, and G b has zero rates of the coordinates.
     """
-    # How v and v_dot follow the coordinates: Phi v = 0 and Phi v_dot + Phi_dot v = 0.
+    # The velocity b = Phi v and the acceleration c = Phi v_dot + Phi_dot v of the rows are zero.
+    # Their derivatives along L: b_q L + Phi v_q = 0 and c_q L + c_v v_q + Phi v_dot_q = 0.
     v_q = -G.dot(rows.velocity_q.dot(L))
     v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
     v_dot_va = -G.dot(rows.acceleration_v.dot(L))
@@ -273,7 +313,7 @@ def _along_coordinates(
     return _ForceDerivatives(
         by_q=L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q)),
         by_va=L.T.dot(force_v.dot(L) + M.dot(v_dot_va)),
-        inertia=(inertia + inertia.T) / 2,
+        by_aa=(inertia + inertia.T) / 2,
         L=L,
     )
 
@@ -287,7 +327,7 @@ class Derivatives:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._mechanism = context.mechanism
-        #: The normal tree, moved so that its last body is at the world's origin (`_tree_forces`).
+        #: The normal tree, moved so that its last body is at the world's origin (`_tree_partials`).
         self._at_origin = pin.Model(context.tree.model)
 
     def torques(
@@ -295,8 +335,8 @@ class Derivatives:
     ) -> Array:
         """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
         tau = np.zeros(self._mechanism.motor_count)
-        of_f = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
-        return np.concatenate((of_f.by_q, of_f.by_va, of_f.inertia), axis=1)
+        f = self._force_derivatives(self._friction(sign_width), q, va, aa, tau, wrenches)
+        return np.concatenate((f.by_q, f.by_va, f.by_aa), axis=1)
 
     def accelerations(
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
@@ -304,11 +344,11 @@ class Derivatives:
         """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
         friction = self._friction(sign_width)
         aa, _ = direct_dynamics(self._context, friction, q, va, tau, wrenches)
-        of_f = self._forces(friction, q, va, aa, tau, wrenches)
-        of_tau = of_f.L.T.dot(self._context.actuation(q))
-        # f(q, va, aa) - L^T B tau = 0 at all q, va and tau.
-        right = np.concatenate((-of_f.by_q, -of_f.by_va, of_tau), axis=1)
-        return np.linalg.solve(of_f.inertia, right)
+        f = self._force_derivatives(friction, q, va, aa, tau, wrenches)
+        by_tau = f.L.T.dot(self._context.actuation(q))
+        # f(q, va, aa) - L^T B tau = 0 at all q, va and tau. So f_aa aa_q = -f_q, and so on.
+        right = np.concatenate((-f.by_q, -f.by_va, by_tau), axis=1)
+        return np.linalg.solve(f.by_aa, right)
 
     @property
     def axes_move(self) -> bool:
@@ -318,19 +358,25 @@ class Derivatives:
         return bool(tree.S[several][:, self._mechanism.coordinates].any())
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
-        """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
+        """Rates of displacements that are due to moving joint axes, shape (n, n).
+
+        Column k has the rates of the coordinates' displacements for a displacement of coordinate k.
+        A joint with several rates, such as a ball, has axes that move with it. Along the motion v,
+        its displacement L e_k has the rate -[v, L e_k], the bracket of the joint's twists.
+        """
         context = self._context
         tree = self._context.tree
         v, _ = context.complement.motion(q, va, context.steady)
         v = tree.S.dot(v)
         L = tree.S.dot(context.complement.L)
-        rates = np.zeros_like(L)
+        bracket_rates = np.zeros_like(L)
         for joint, data in zip(tree.model.joints, context.data.joints, strict=True):
             if joint.nv > 1:
                 k = slice(joint.idx_v, joint.idx_v + joint.nv)
-                S = np.array(data.S)
-                rates[k] = S.T.dot(brackets(S.dot(v[k])[:, None], S.dot(L[k])))
-        return -tree.S.T.dot(rates)[self._mechanism.coordinates]
+                axes = np.array(data.S)  # the twists of the joint's rates, in columns
+                twist = axes.dot(v[k])
+                bracket_rates[k] = axes.T.dot(brackets(twist[:, None], axes.dot(L[k])))
+        return -tree.S.T.dot(bracket_rates)[self._mechanism.coordinates]
 
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
@@ -341,24 +387,27 @@ class Derivatives:
         L = complement.L
         v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
         motion = tree.frames_of([frame])
-        # The origin of the frame is the last column of its placement M. So the linear velocity, and
-        # its derivatives, are in that of M_dot; the angular velocity is in the twist.
+        # The origin of the frame is the last column of its placement M. So its linear velocity is
+        # the last column of M_dot; the angular velocity is the last part of the twist.
         J_linear = motion.M_q[:, 0, :3, 3].T
         linear_q = motion.M_dot_q[:, 0, :3, 3].T
         J = np.concatenate((J_linear, motion.J[0, 3:]))
         velocity_q = np.concatenate((linear_q, motion.twist_q[0, 3:]))
         return np.concatenate((velocity_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
-    def _forces(
+    def _force_derivatives(
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> _ForceDerivatives:
         """Derivatives of f - L^T B tau by q, va and aa.
 
-        With the forces F(q, v, v_dot) that the tree needs, f = L^T F. No derivative of L is needed:
-        let lambda be the forces of the closures at q, so that F - Phi^T lambda = 0 along the
-        dependent rates. As L^T Phi^T = 0 at all q, also f = L^T (F - Phi^T lambda), with constant
-        lambda. A change of L has rows for the dependent rates only, where the bracket is zero. So
-        df = L^T d(F - Phi^T lambda): closures act on the tree as loads on their frames.
+        Let F(q, v, v_dot) be the forces that the motion of the tree needs, less those of motors,
+        friction, springs, lines and external wrenches: f - L^T B tau = L^T F.
+
+        No derivative of L is needed. Let lambda be the forces of the closures at q, with
+        F - Phi^T lambda = 0 along the dependent rates, and constant from here on. As L^T Phi^T = 0
+        at all q, also L^T F = L^T (F - Phi^T lambda). The rows of L for the coordinates are
+        constant, and along the dependent rates the bracket is zero: dL^T (F - Phi^T lambda) = 0. So
+        d(L^T F) = L^T d(F - Phi^T lambda). Closures act on the tree as loads on their frames.
         """
         context = self._context
         mechanism = self._mechanism
@@ -367,12 +416,12 @@ class Derivatives:
         G = context.complement.inverse
         tree = TreeMotion(context.loops, v, v_dot)
         rows = partials(context.loops, q, tree)
-        force = context.tree_forces(v, v_dot)
-        force -= applied_forces(context, friction, q, v, wrenches, tau)
-        reactions = G.T.dot(force)  # lambda
+        F = context.tree_forces(v, v_dot)
+        F -= applied_forces(context, friction, q, v, wrenches, tau)
+        multipliers = G.T.dot(F)  # lambda
 
         # Loads on the bodies: of closures, of lines, external wrenches, and lifted weights.
-        loads = [_on_frames(closure, reactions) for closure in rows.closures]
+        loads = [_on_frames(closure, multipliers) for closure in rows.closures]
         of_lines: _LinePartials | None = None
         if not mechanism.lines.none:
             of_lines = _line_partials(context, friction, q, tau, tree)
@@ -380,12 +429,13 @@ class Derivatives:
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
         if mechanism.weight_shares is not None:
-            loads.append(_lifts(tree, context.loops, mechanism.weight_shares))
+            loads.append(_lifts(tree, context.loops, mechanism.lifted))
 
         # Partial derivatives of F - Phi^T lambda.
-        of_tree = self._tree_forces(v, v_dot, loads)
-        for joint in rows.couplings:  # they act on no frame
-            of_tree.by_q[joint.rate, joint.rate] -= reactions[joint.row] * joint.second
+        of_tree = self._tree_partials(v, v_dot, loads)
+        # A coupling P(q_k) + ... = 0 acts on no frame. It has the forces Phi^T lambda = P' lambda.
+        for joint in rows.couplings:
+            of_tree.by_q[joint.rate, joint.rate] -= multipliers[joint.row] * joint.second
         if of_lines is not None:
             of_tree = _with_lines(of_tree, of_lines)
         of_tree.by_v[...] -= np.diag(friction.slopes(v))
@@ -393,12 +443,14 @@ class Derivatives:
             of_tree.by_q[...] -= mechanism.springs.slopes(mechanism.model, q)
         return _along_coordinates(of_tree, rows, L, G)
 
-    def _tree_forces(self, v: Array, v_dot: Array, loads: list[_Load]) -> _TreePartials:
-        """Derivatives of RNEA minus the forces of the loads.
+    def _tree_partials(self, v: Array, v_dot: Array, loads: list[_Load]) -> _TreePartials:
+        """Derivatives of RNEA minus the forces J^T w of the loads.
 
-        For Pinocchio, external wrenches turn with their bodies; the difference of w_q from the
-        derivative of such a wrench is taken into account here. Pinocchio takes inertias about the
-        world's origin, which loses digits with the square of the distance: the tree is moved there.
+        For Pinocchio, external wrenches turn with their bodies. The loads change by w_q instead, so
+        J^T (w_q - derivative of a wrench that turns) is subtracted.
+
+        Pinocchio takes inertias about the world's origin, which loses digits with the square of the
+        distance. So the tree is moved: its last body comes to the origin.
         """
         context = self._context
         model = self._context.tree.model
@@ -409,19 +461,21 @@ class Derivatives:
         in_body_axes = pin.StdVec_Force()
         for placement, of_body in zip(context.data.oMi, on_bodies, strict=True):
             in_body_axes.append(placement.actInv(pin.Force(of_body)))
-        there = context.data.oMi[model.njoints - 1].translation.copy()
+        last_body = context.data.oMi[model.njoints - 1].translation.copy()
         for root in model.children[0]:
             placement = model.jointPlacements[root]
             self._at_origin.jointPlacements[root] = pin.SE3(
-                placement.rotation, placement.translation - there
+                placement.rotation, placement.translation - last_body
             )
         rnea_q, rnea_v, mass_matrix = pin.computeRNEADerivatives(
             self._at_origin, context.data, context.loops.q, S.dot(v), S.dot(v_dot), in_body_axes
         )
         by_q = S.T.dot(rnea_q).dot(S)
         for load in loads:
-            not_turning = load.w_q - _turning_along(load.frames.J, load.w)
-            by_q -= np.tensordot(load.frames.J, not_turning, axes=((0, 1), (0, 1)))
+            J = load.frames.J
+            difference = load.w_q - _derivatives_fixed_to_bodies(load.w, J)
+            # The sum of J^T difference over all frames, which are the first axis.
+            by_q -= np.tensordot(J, difference, axes=((0, 1), (0, 1)))
         return _TreePartials(by_q, by_v=S.T.dot(rnea_v).dot(S), M=S.T.dot(mass_matrix).dot(S))
 
     def _friction(self, sign_width: float) -> Friction:

@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Equations of motion in the coordinates, Eqs. (63)-(96), one configuration: the reference path.
 
-The long form assembles every term of Eq. (92) from K, T, M and Omega. The short form is the same
-equation with v = L va and v_dot = L aa + L_dot va in the inverse dynamics of the tree:
-f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), where tau^f and tau^s include the forces along
-lines.
+The long form (`terms`) assembles every term of Eq. (92) from K, T, M and Omega. The short form
+(`inverse_dynamics`) is the same equation with v = L va and v_dot = L aa + L_dot va in the inverse
+dynamics of the tree, RNEA:
+
+    f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w).
+
+f are the forces that the motion needs along the coordinates, whoever supplies them. tau^f is the
+friction and tau^s are the springs, both with the forces along lines; w are external wrenches.
+`direct_dynamics` solves the equation for aa. All functions use a `Context`, which has L and
+Pinocchio's data at the current configuration.
 
 The paper's decoupled form [5, 6] is K = N_l N_d: N_d gives the twist of each body relative to its
 parent, and N_l adds the twists of all bodies before it; see `noc.decoupled`. `pin.rnea` is this
@@ -147,8 +153,8 @@ def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
 class Context:
     """Loops, L and Pinocchio data of one mechanism; one object per thread.
 
-    They belong to one configuration, which is called the current q here: the last one for which
-    `evaluate`, `complement.evaluate` or `complement.motion` was called.
+    All of them belong to one configuration, the current q. It is the last one for which `evaluate`,
+    `complement.evaluate` or `complement.motion` was called.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -163,7 +169,7 @@ class Context:
         #: Closes the loops by steps in which wheels roll and braked joints rest.
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self.whole_inertia = whole_inertia(mechanism)
-        #: Zero accelerations of the coordinates.
+        #: Zero accelerations of the coordinates, for motions with constant va.
         self.steady = np.zeros(len(mechanism.coordinates))
 
     @cached_property
@@ -186,9 +192,10 @@ class Context:
         return B + J.T.dot(on_lines)
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
-        """Inverse dynamics of the tree at the current q, shape (nv,), by recursions.
+        """Inverse dynamics of the tree at the current q, shape (nv,), by recursions (RNEA).
 
-        Masses that move with the lengths of lines are part of the tree.
+        They are K^T (M t_dot + Omega M t - w^g), Eqs. (68), (77), and the forces of rotors and of
+        masses that move with the lengths of lines.
         """
         # The normal tree has the configuration loops.q and the rates S v; its mimic joints have
         # numbers of their own. Lines have the configuration of the model, loops.q_of_model.
@@ -206,7 +213,9 @@ class Context:
     def lifts(self) -> list[pin.Force]:
         """Forces that cancel the part of each body's weight that does not act, at the current q.
 
-        One for each joint of the normal tree, in its axes and at its origin; see `weight_shares`.
+        This part has the mass m and the first moment m c, so the force is -m g, with the moment
+        m c x (-g). There is one force for each joint of the normal tree, at its origin and in its
+        axes; see `weight_shares`.
         """
         lifts = [pin.Force.Zero() for _ in range(self.tree.model.njoints)]
         for body, without_weight in self.mechanism.lifted.items():
@@ -269,51 +278,70 @@ def applied_forces(
     return force
 
 
+def tensions_in_motion(
+    context: Context,
+    friction: Friction,
+    q: Array,
+    v: Array,
+    v_dot: Array,
+    tau: Array | None = None,
+) -> Array:
+    """Tensions of all lines in a motion of the tree, shape (lines,), [N].
+
+    They are those of springs, dampers, dry friction, motors, and of masses that move with the
+    lengths. `applied_forces` has all but the masses, which are part of `Context.tree_forces`.
+    """
+    lengths, J = context.lines.evaluate(q)
+    applied = context.mechanism.lines.tensions(lengths, J.dot(v), friction.sign_width, tau)
+    return np.asarray(applied + context.lines.inertial_tensions(q, v, v_dot))
+
+
 def inverse_dynamics(
     context: Context, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> Array:
     """Generalised forces f of a motion, shape (n,), by the short form of Eq. (92).
 
-    `pin.rnea` forms no K. `wrenches` are external [force; moment] on each body at its mass centre,
-    base axes, shape (r, 6), or None.
+    `wrenches` are external [force; moment] on each body at its mass centre, base axes, shape
+    (r, 6), or None.
     """
-    v, v_dot = context.complement.motion(q, va, aa)
+    v, v_dot = context.complement.motion(q, va, aa)  # Eqs. (16), (20)
     applied = applied_forces(context, context.mechanism.friction, q, v, wrenches)
-    return (context.tree_forces(v, v_dot) - applied).dot(context.complement.L)
+    return (context.tree_forces(v, v_dot) - applied).dot(context.complement.L)  # Eq. (91)
 
 
 def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
     """Sum of the sizes of all forces in each coordinate, shape (n,).
 
-    Forces may cancel; these sizes tell which sums are rounding. They are an upper bound: directions
-    are ignored, each turn moves mass centres by the length of the robot, and each body has at least
-    its weight on Earth.
+    Forces may cancel; a sum that is much smaller than these sizes is rounding. The sizes are upper
+    bounds: directions are ignored, rotations move mass centres by the length of the robot, and each
+    body has at least its weight on Earth.
     """
     mechanism = context.mechanism
     model = mechanism.model
     r = model.njoints - 1
     v, v_dot = context.complement.motion(q, va, aa)
 
-    # Wrenches [moment; force] on the bodies, in the order of K: their sizes for each body.
+    # Wrenches [moment; force] on the bodies, each of shape (6 r,) as the rows of K.
     K, K_dot, M, Omega, weights = bodies(context.loops, v, mechanism.weight_shares)
     on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
         force, moment = np.hsplit(wrenches, 2)
         on_bodies.append(np.hstack([moment, force]).ravel())
+    # Axes: kinds of wrenches, bodies, moment or force, x y z. Sizes are summed over the first and
+    # the last one.
     sizes = np.abs(on_bodies).reshape(-1, r, 2, 3).sum(axis=(0, 3))
     moments = sizes[:, 0]
     forces = sizes[:, 1] + _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
 
-    # Times the sizes of the bodies' twists for a unit of each rate, shape (r, nv).
+    # Sizes of the bodies' angular and linear velocities at the rate 1 of each joint, shape (r, nv).
     twists = np.linalg.norm(K.reshape(r, 2, 3, -1), axis=2)
-    turns = twists[:, 0]
-    slides = twists[:, 1] + mechanism.length * turns
-    on_rates = turns.T @ moments + slides.T @ forces
+    angular = twists[:, 0]
+    linear = twists[:, 1] + mechanism.length * angular
+    on_rates = angular.T @ moments + linear.T @ forces
 
-    # Joints and lines.
-    lengths, J = context.lines.evaluate(q)
-    tensions = mechanism.lines.tensions(lengths, J.dot(v), mechanism.friction.sign_width)
-    tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
+    # Forces of lines and joints.
+    _, J = context.lines.evaluate(q)
+    tensions = tensions_in_motion(context, mechanism.friction, q, v, v_dot)
     on_rates += np.abs(tensions[:, None] * J).sum(axis=0)
     on_rates += np.abs(mechanism.friction.forces(v))
     on_rates += np.abs(mechanism.springs.forces(model, q))
@@ -330,20 +358,20 @@ def direct_dynamics(
     wrenches: Array | None,
     tolerance: float = CLOSURE_TOLERANCE,
 ) -> tuple[Array, Array]:
-    """Accelerations of the coordinates from Eq. (92), and v = L va; loops open up to `tolerance`.
+    """Accelerations aa of the coordinates from Eq. (92), and v = L va.
 
-    `pin.rnea` computes the bias forces. `friction` replaces that of the mechanism.
+    The loops may be open up to `tolerance`. `friction` replaces that of the mechanism.
     """
-    v, bias = context.complement.motion(q, va, context.steady, tolerance)
+    v, bias = context.complement.motion(q, va, context.steady, tolerance)  # bias = L_dot va
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
     L = context.complement.L
     inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)
-    # The rate 1 of a coordinate causes the rates in its column of L. If the whole inertia had these
-    # rates, it would appear in the coordinate as `largest`. Beside this, the inertia of a massless
-    # coordinate is rounding.
+    # At the rate 1 of a coordinate, the joints have the rates in its column of L. If the inertia of
+    # the whole robot moved at all of them, the coordinate would have the inertia `largest`. An
+    # inertia that is a tiny part of this is rounding: the coordinate is massless.
     squared_rates = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
     largest = context.whole_inertia * squared_rates
-    aa = solved(inertia, force.dot(L), WITHOUT_MASS * largest)
+    aa = _solve_for_accelerations(inertia, force.dot(L), WITHOUT_MASS * largest)
     if aa is None:
         if not np.isfinite(inertia).all():
             problem = "the mass matrix has entries that are not finite numbers"
@@ -357,7 +385,7 @@ def direct_dynamics(
     return aa, v
 
 
-def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | None:
+def _solve_for_accelerations(inertia: Array, force: Array, least: Array) -> Array | None:
     """Accelerations for forces; None if a pivot of the mass matrix is rounding or below `least`."""
     try:
         factor = np.linalg.cholesky(inertia)
@@ -370,7 +398,7 @@ def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | 
 
 
 def terms(context: Context, q: Array, va: Array) -> Terms:
-    """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
+    """All matrices of Eq. (92), the long form, for q, shape (nq,), and va, shape (n,)."""
     context.complement.evaluate(q)
     mechanism = context.mechanism
     model = mechanism.model
@@ -392,9 +420,10 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     tensions_of_springs = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
     dry_friction = lines.coulomb * sign_of(J @ v, mechanism.friction.sign_width)
     tensions_of_friction = taut * lines.damping * (J @ v) + dry_friction
-    # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
+    # Two inertias are not in the paper: of rotors geared to joints (model.armature), and of masses
+    # that move with the lengths of lines. These are L^T times their forces per acceleration.
     rotors = L.T * model.armature
-    on_lines = L.T @ (J.T * lines.masses)  # the same for masses that move with the lengths
+    on_lines = L.T @ (J.T * lines.masses)
     J_dot = context.lines.loops.Phi_dot(v) if lines.masses.any() else np.zeros_like(J)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions: the wrenches in joints and closures, and which of them are unique.
 
-The forces of the closures on the tree are Phi^T lambda: the forces of the motion minus those of
-motors, friction, springs and loads. If rows of Phi are redundant, lambda is not unique: the null
-space N of Phi^T has the states of inner stress. The wrench of a joint is that of the recursion of
-Newton and Euler minus X lambda, what closures give to the bodies beyond the joint. A component is
-unique exactly if its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). Rows are free of
-units, so that the verdict does not depend on them.
+The forces of the closures on the tree are Phi^T lambda, with multipliers lambda. They are the
+forces that the motion needs, less those of motors, friction, springs and loads. If rows of Phi are
+redundant, lambda is not unique: lambda + N x gives the same forces, where N is the null space of
+Phi^T. A column of N is a state of inner stress.
+
+Without closures, the recursion of Newton and Euler gives the wrench in each joint. With closures,
+it is this wrench minus X lambda, the sum of the wrenches that closures give to the bodies beyond
+the joint. A component is unique exactly if its row of X N is zero (Wojtyra 2005; Fraczek and
+Wojtyra 2011). Rows are free of units, so that the verdict does not depend on them.
+
+`reactions` computes all numbers of one sample, in one row as kernels do. `unpacked` makes
+`Reactions` of the rows of all samples.
 """
 
 from collections.abc import Mapping
@@ -24,13 +30,13 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import UNIQUE
 from ..model.tree import frame_id
 from ..summaries import Summary, listed
-from .dynamics import Context, applied_forces
+from .dynamics import Context, applied_forces, tensions_in_motion
 from .noc import mass_centers
 
-#: Inner stresses are not determined if the root of their elastic energy, relative to the largest,
-#: is smaller: they act in rigid parts only.
+#: Stiffnesses do not determine an inner stress that acts in rigid parts only: it has no elastic
+#: energy. A root of the energy below this part of the largest one is rounding.
 _RESISTED = 1e-9
-#: Axes may differ from orthonormal ones by this much: numbers with six digits are fine.
+#: Largest error of R^T R for given axes R: six digits of their components are enough.
 _RIGHT_ANGLES = 1e-5
 _COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 #: The code of a joint or closure is the sum of the bits of its components that are not unique.
@@ -38,7 +44,7 @@ BITS = 2.0 ** np.arange(6)
 
 
 class Verdict(NamedTuple):
-    """One answer for each component of the wrenches."""
+    """A flag for each component of the wrenches."""
 
     #: Shape (..., r, 6).
     joints: Flags
@@ -67,7 +73,8 @@ class Reactions(Summary):
         ground: What the ground gives to the robot in all, at the origin of the base in base axes,
             shape (..., 6).
         determined: Which components are unique in the rigid robot.
-        elastic: Which components are not, but follow from the given stiffnesses.
+        elastic: Which components are not unique in the rigid robot, but follow from the given
+            stiffnesses.
         brakes: Torques or forces of the brakes, by the names of joints and lines, shapes (...);
             NaN where they are not unique.
 
@@ -130,7 +137,7 @@ class Reactions(Summary):
 
 
 def names_of(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the joints of the tree, then of the closures; those of the same frames numbered."""
+    """Names of the joints of the tree, then of the closures; closures of one name get numbers."""
     closures = list(map(str, mechanism.closures))
     numbered = [
         f"{name} ({closures[: k + 1].count(name)})" if closures.count(name) > 1 else name
@@ -148,13 +155,15 @@ def size_of(mechanism: Mechanism) -> int:
     return wrenches + ground + mechanism.motor_count + codes
 
 
-class _RigidWrenches(NamedTuple):
+class _Wrenches(NamedTuple):
     """Wrenches [force; moment] in joints and closures, in their own axes, and what changes them.
 
     Attributes:
-        values: Shape (r + closures, 6).
-        stresses: The wrenches of the inner stresses of the rigid robot, (r + closures, 6, k).
-        free_stresses: Those inner stresses that compliances do not determine, in the last axis.
+        values: One solution for the wrenches, shape (r + closures, 6). If there are compliances, it
+            is the one with the least elastic energy.
+        stresses: The wrenches of k inner stresses of the rigid robot, shape (r + closures, 6, k).
+        free_stresses: Those of the inner stresses that compliances do not determine. Without
+            compliances, these are all inner stresses.
         ground: Wrench of the ground on the robot, shape (6,).
         tau: Motor torques, shape (motors,).
     """
@@ -176,10 +185,10 @@ def reactions(
     compliances: Array | None,
     axes: Array | None = None,
 ) -> Array:
-    """Wrenches of joints and closures, the ground's wrench, torques and codes, in a row.
+    """Wrenches of joints and closures, the ground's wrench, torques and codes, in one row.
 
-    There is a code for each joint and closure, see `BITS`. Components that compliances do not
-    determine are NaN.
+    There is a code for each joint and closure, see `BITS`. With compliances, components that they
+    do not determine are NaN.
 
     Args:
         context: The context.
@@ -192,7 +201,7 @@ def reactions(
         axes: Axes in the base in which wrenches are written, in columns, shape (3, 3); None for
             those of each joint and closure.
     """
-    w = _rigid_wrenches(context, q, va, aa, tau, wrenches, compliances)
+    w = _wrenches_in_motion(context, q, va, aa, tau, wrenches, compliances)
     values = w.values
     stresses = w.stresses
     free_stresses = w.free_stresses
@@ -227,7 +236,7 @@ def unique_forces(
     Inner stresses change the force in a joint along some directions. Its part normal to them is
     unique, whatever the axes are. The last column is the number of the directions.
     """
-    w = _rigid_wrenches(context, q, va, aa, tau, wrenches, compliances)
+    w = _wrenches_in_motion(context, q, va, aa, tau, wrenches, compliances)
     rows = []
     for force, changes in zip(w.values[:, :3], w.free_stresses[:, :3], strict=True):
         U, s, _ = np.linalg.svd(changes * context.mechanism.length)  # free of units
@@ -237,7 +246,7 @@ def unique_forces(
     return np.ravel(rows)
 
 
-def _rigid_wrenches(
+def _wrenches_in_motion(
     context: Context,
     q: Array,
     va: Array,
@@ -245,11 +254,11 @@ def _rigid_wrenches(
     tau: Array | None,
     wrenches: Array | None,
     compliances: Array | None,
-) -> _RigidWrenches:
-    """Wrenches for one choice of the multipliers, or with the least elastic energy."""
+) -> _Wrenches:
+    """The wrenches for a motion; arguments as `reactions`."""
     mechanism = context.mechanism
 
-    # The forces Phi^T lambda = needed that closures must give to the tree.
+    # The forces that closures must give to the tree: Phi^T lambda = needed.
     v, v_dot = context.complement.motion(q, va, aa)
     needed = context.tree_forces(v, v_dot)
     needed = needed - applied_forces(context, mechanism.friction, q, v, wrenches, tau)
@@ -259,19 +268,19 @@ def _rigid_wrenches(
     multipliers, null_space = _multipliers(context, needed)
 
     # Joints have their wrenches without closures, plus those of lambda. Closures have those of
-    # lambda only. The inner stresses N change both.
+    # lambda only. A column of the null space N has the wrenches of an inner stress.
     loads = _loads(context, wrenches)
     if not mechanism.lines.none:
         loads += _loads_of_lines(context, q, v, v_dot, tau)
     without_closures, ground = _without_closures(context, v, v_dot, loads)
-    columns = _wrenches(context, np.column_stack([multipliers, null_space]))
+    columns = _wrenches_of_multipliers(context, np.column_stack([multipliers, null_space]))
     values = columns[..., 0]
     values[: len(without_closures)] += without_closures
     stresses = columns[..., 1:]
     free_stresses = stresses
     if compliances is not None:
         values, free_stresses = _relaxed(values, stresses, compliances)
-    return _RigidWrenches(values, stresses, free_stresses, ground, tau)
+    return _Wrenches(values, stresses, free_stresses, ground, tau)
 
 
 def _multipliers(context: Context, needed: Array) -> tuple[Array, Array]:
@@ -301,25 +310,23 @@ def _loads(context: Context, wrenches: Array | None) -> Array:
 
 
 def _loads_of_lines(context: Context, q: Array, v: Array, v_dot: Array, tau: Array) -> Array:
-    """What lines give to the joints of the normal tree, as `_loads`.
+    """The wrenches of lines on the joints of the normal tree, as `_loads`.
 
-    Lines act as closures of one row each: a tension is minus its multiplier.
+    Lines act as closures of one row each. A tension pulls the ends together, and a positive
+    multiplier pushes them apart, so tensions are minus multipliers.
     """
-    mechanism = context.mechanism
-    lengths, J = context.lines.evaluate(q)
-    tensions = mechanism.lines.tensions(lengths, J.dot(v), mechanism.friction.sign_width, tau)
-    tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
+    tensions = tensions_in_motion(context, context.mechanism.friction, q, v, v_dot, tau)
     return context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
 
 
 def _without_closures(
     context: Context, v: Array, v_dot: Array, loads: Array
 ) -> tuple[Array, Array]:
-    """Wrenches in the joints of the tree if there were no closures, and that of the ground.
+    """Wrenches in the joints if there were no closures, and the wrench of the ground.
 
-    Shapes (r, 6), in the axes of the joints, and (6,), at the origin of the base. The motion and
-    the loads determine what the ground gives in all. Without closures the joints of the base give
-    it; with closures, both do.
+    The former have the shape (r, 6), in the axes of the joints; the latter has the shape (6,), at
+    the origin of the base. Closures do not change the wrench of the ground on the whole robot: the
+    motion and the loads determine it.
     """
     tree = context.tree
     data = context.data
@@ -331,24 +338,26 @@ def _without_closures(
     pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
     in_joints = np.array([data.f[j].vector for j in tree.bodies[1:]])
 
-    # What lines give to the ground acts on it directly.
-    on_ground = np.array([data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]])
-    return in_joints, on_ground.sum(axis=0) - loads[0]
+    # The ground acts on the robot through the joints of the base, and through lines: loads[0] is
+    # what lines give to the ground, so the ground gives the opposite.
+    in_base_joints = [data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]]
+    return in_joints, np.array(in_base_joints).sum(axis=0) - loads[0]
 
 
-def _wrenches(context: Context, Lambda: Array) -> Array:
-    """[force; moment] that lambda needs in joints and gives in closures.
+def _wrenches_of_multipliers(context: Context, Lambda: Array) -> Array:
+    """[force; moment] of multipliers in all joints and closures, shape (r + closures, 6, columns).
 
-    Shape (r + closures, 6, columns), for lambda in columns. Joints have the sign of `rnea`: their
-    wrenches are minus X lambda.
+    `Lambda` has multipliers lambda in columns, shape (rows, columns). The wrenches in joints are
+    -X lambda: what the joint must give so that the bodies beyond it are in balance.
     """
     tree = context.tree
     data = context.data
     loops = context.loops
     wrenches = list[Array]()
 
-    # What closures give to all bodies beyond a joint, at the world's origin, then in the axes and
-    # at the origin of the joint: the transposed action of a frame takes wrenches into it.
+    # The sum of what closures give to all bodies beyond a joint, first at the world's origin, then
+    # in the axes and at the origin of the joint. The transposed action matrix of a frame takes
+    # wrenches from the world into the frame.
     on_bodies = loops.forces_on_bodies(Lambda)
     for j in range(tree.model.njoints - 1, 0, -1):
         on_bodies[tree.model.parents[j]] += on_bodies[j]
@@ -369,9 +378,10 @@ def _wrenches(context: Context, Lambda: Array) -> Array:
 
 
 def _turns(context: Context, axes: Array) -> Array:
-    """Matrices that take each wrench from its own axes into axes in the base.
+    """Matrices that rotate each wrench from its own axes to axes in the base.
 
-    Shape (r + closures, 6, 6). Couplings and brakes, whose only force is along z, stay as they are.
+    Shape (r + closures, 6, 6). The force of a coupling or a brake is written along z in any axes,
+    so it stays as it is.
     """
     tree = context.tree
     data = context.data
@@ -412,7 +422,9 @@ def acts_along(mechanism: Mechanism, closure: Constraint) -> int:
 def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:
     """Wrenches with the least elastic energy, and inner stresses without elastic energy.
 
-    The energy of values + stresses x is the square of root (values + stresses x), by components.
+    With amounts x of the inner stresses, the wrenches are w = values + stresses x. Their energy is
+    half the sum of compliance w^2 over all components, so x is a solution by least squares of
+    root (values + stresses x) = 0, with the roots of the compliances.
     """
     root = np.sqrt(compliances).ravel()
     flat = stresses.reshape(values.size, -1)
@@ -423,7 +435,7 @@ def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array,
 
 
 def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> Array:
-    """Compliance of each component of the wrenches, zero for those without a stiffness."""
+    """Compliances of the components, shape (r + closures, 6); zero without a stiffness."""
     names = names_of(mechanism)
     if not isinstance(stiffness, Mapping):
         raise InputError("stiffness", f"{stiffness!r} is not a dict of six numbers by name")
@@ -442,16 +454,20 @@ def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> 
 def unpacked(
     mechanism: Mechanism, rows: Array, relaxed: bool, out: Array | None = None
 ) -> Reactions:
-    """Reactions from the numbers of each sample in a row; what is not unique becomes NaN.
+    """Reactions from the rows of `reactions` for all samples; what is not unique becomes NaN.
 
-    `out` gets the wrenches of joints and closures, shape (..., r + closures, 6).
+    Args:
+        mechanism: The mechanism.
+        rows: The rows, shape (..., `size_of`).
+        relaxed: Whether stiffnesses were given.
+        out: Gets the wrenches of joints and closures, shape (..., r + closures, 6).
     """
     names = names_of(mechanism)
     r = mechanism.model.njoints - 1
     shape = (*rows.shape[:-1], len(names), 6)
     count = 6 * len(names)
-    numbers, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
-    values = numbers.reshape(shape)
+    wrenches, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
+    values = wrenches.reshape(shape)
 
     # In most batches all samples have the same codes, so that one verdict is enough.
     samples = codes.reshape(-1, len(names))
@@ -478,12 +494,12 @@ def unpacked(
         if isinstance(closure, Brake)
     }
     return Reactions(
-        names,
-        values[..., :r, :],
-        of_closures,
-        tau,
-        ground,
-        Verdict(unique[..., :r, :], unique[..., r:, :]),
-        Verdict(elastic[..., :r, :], elastic[..., r:, :]),
-        brakes,
+        names=names,
+        joints=values[..., :r, :],
+        closures=of_closures,
+        motors=tau,
+        ground=ground,
+        determined=Verdict(joints=unique[..., :r, :], closures=unique[..., r:, :]),
+        elastic=Verdict(joints=elastic[..., :r, :], closures=elastic[..., r:, :]),
+        brakes=brakes,
     )
