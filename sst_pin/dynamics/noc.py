@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The natural orthogonal complement: L, K, T and their rates, Eqs. (3)-(25), one configuration.
 
-Sect. 3 of the paper with its letters. Joints keep the order of the tree instead of being sorted
-into actuated and unactuated. In `Bodies`, T and N_l, and only there, twists are [omega; v] and
-wrenches [moment; force], at the mass centres in base axes, as in the paper. Everywhere else they
-are [v; omega] and [force; moment], as Pinocchio's.
+Sect. 3 of the paper with its letters. `JointComplement` computes L, Eqs. (3)-(8), (16)-(20); the
+functions after `bodies` compute K and T. Joints keep the order of the tree: they are not sorted
+into actuated and unactuated ones. Phi^a are the columns of Phi for the coordinates, Phi^u those for
+the dependent rates.
+
+In `Bodies`, T and N_l, and only there, twists are [omega; v] and wrenches [moment; force], at the
+mass centres in base axes, as in the paper. Everywhere else they are [v; omega] and [force; moment],
+as Pinocchio's.
 """
 
 import math
@@ -32,23 +36,24 @@ _NORMAL_EQUATIONS = 1e5
 
 
 class _Block:
-    """Part of Phi^u: rows, and dependent rates that are in these rows only.
+    """A block of Phi^u: some rows, and the dependent rates that are in these rows only.
 
     Attributes:
-        rows, rates: Indices of the rows, and of the dependent rates in v.
-        scale: Factors that make Phi^u free of units, shape (rows, rates).
-        of_Phi: Where the entries of Phi^u are in Phi.ravel(), shape (rows, rates).
-        of_inverse: Where the inverse of Phi^u is in that of all blocks.
-        twice: Twice the identity, shape (rates, rates).
+        rows: Indices of the rows.
+        rates: Indices of the dependent rates in v.
+        scale: Factors that make the block free of units, shape (rows, rates).
+        in_Phi: Indices of the block's entries in Phi.ravel(), shape (rows, rates).
+        in_inverse: Indices of the entries of the block's inverse in `JointComplement.inverse`.
+        twice_identity: Twice the identity, shape (rates, rates).
     """
 
     def __init__(self, mechanism: Mechanism, rows: Indices, dependent: Indices) -> None:
         self.rows = rows
         self.rates = mechanism.dependent[dependent]
         self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
-        self.of_Phi = rows[:, None] * mechanism.model.nv + self.rates
-        self.of_inverse = np.ix_(self.rates, rows)
-        self.twice = 2 * np.eye(len(dependent))
+        self.in_Phi = rows[:, None] * mechanism.model.nv + self.rates
+        self.in_inverse = np.ix_(self.rates, rows)
+        self.twice_identity = 2 * np.eye(len(dependent))
 
 
 class JointComplement:
@@ -59,9 +64,10 @@ class JointComplement:
     no dependent joint are inverted separately, so that the cost is linear in their number.
 
     Attributes:
-        blocks: The parts of Phi^u that share no dependent rate.
+        blocks: The blocks of Phi^u, which share no row and no dependent rate.
         L: Joint orthogonal complement, shape (nv, n), Eq. (17): Phi L = 0.
-        inverse: G, shape (nv, rows): x = G c solves Phi x = c with coordinates at rest.
+        inverse: G, shape (nv, rows): x = G c solves Phi x = c with x = 0 for the coordinates. Its
+            rows for the dependent rates are the inverse of Phi^u, the others are zero.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
@@ -71,14 +77,16 @@ class JointComplement:
         self._row_scale = mechanism.row_scale
         per_rate = mechanism.rate_scale
         per_coordinate = mechanism.rate_scale[mechanism.coordinates]
-        #: Factors that make Phi L and L free of units.
-        self._of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
-        self._of_L = per_coordinate / per_rate[:, None]
+        #: Factors that make Phi L free of units, shape (rows, n).
+        self._scale_of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
+        #: Factors that make L free of units, shape (nv, n).
+        self._scale_of_L = per_coordinate / per_rate[:, None]
         self.blocks = [
             _Block(mechanism, *part) for part in connected(loops.touched[:, mechanism.dependent])
         ]
         self.inverse = np.zeros(loops.touched.T.shape)
-        # No row of a square block is redundant; others are.
+        # Rows of square blocks are not redundant. Others may be: rows of blocks with more rows than
+        # rates, and rows without a dependent rate.
         in_square_blocks = sum(len(b.rates) for b in self.blocks if len(b.rows) == len(b.rates))
         self._redundant = in_square_blocks < len(loops.touched)
 
@@ -103,27 +111,27 @@ class JointComplement:
     def require_accelerations(self, v: Array, v_dot: Array, drift: Array) -> None:
         """Check Eq. (8), Phi v_dot + Phi_dot v = 0, in redundant rows too; drift is Phi_dot v.
 
-        At some poses velocities satisfy the rows and accelerations do not, as where a braced frame
-        shakes. The robot cannot move there.
+        At some poses there are rates that satisfy the rows, but no accelerations with them: the
+        robot cannot move there. For instance, the joints of a braced frame may have rates at one
+        pose, although the frame is rigid.
         """
         if not self._redundant:
             return
         loops = self._loops
         mechanism = self._mechanism
-        left = (loops.Phi.dot(v_dot) + drift) * self._row_scale
+        violations = (loops.Phi.dot(v_dot) + drift) * self._row_scale
         rates = v / mechanism.rate_scale
         accelerations = v_dot / mechanism.rate_scale
         # Phi_dot v is quadratic in the rates, and Phi v_dot linear in the accelerations.
         size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
-        if left.dot(left) <= (self._least_slack * size) ** 2:
-            return  # sufficient, as in `_require_rates`
-        allowed = self._slack * size
-        worst = int(np.abs(left).argmax())
-        if np.isfinite(size) and not abs(left[worst]) <= allowed:
+        if violations.dot(violations) <= (self._least_allowed * size) ** 2:
+            return  # sufficient, and quick: no entry is larger than the norm
+        worst = int(np.abs(violations).argmax())
+        if np.isfinite(size) and not abs(violations[worst]) <= self._allowed * size:
             self._refuse_motion(rates, worst)
 
     def _refuse_motion(self, rates: Array, row: int) -> None:
-        """Raise the error of rates, free of units, to which no accelerations satisfy a row."""
+        """Raise the error for rates, free of units, with which no accelerations satisfy a row."""
         mechanism = self._mechanism
         rows = [(closure, name) for closure in mechanism.closures for name in closure.rows]
         closure, row_name = rows[row]
@@ -152,55 +160,63 @@ class JointComplement:
             self._require_rates(Phi)
 
     def _invert(self, Phi: Array) -> None:
-        """Compute the inverse, and the singular values that its blocks of Phi^u are judged by."""
-        # The coordinates add an identity to Phi, so that the largest singular value is at least 1.
+        """Compute the inverse, and the singular values that judge the blocks of Phi^u."""
+        #: The largest singular value of all blocks, at least 1: coordinates add an identity to Phi.
         self._largest = 1.0
         #: The smallest singular value of each block.
         self._smallest: list[float] = []
         for block in self.blocks:
-            A = Phi.take(block.of_Phi) * block.scale
-            inverse, sizes = _inverse(A)
-            inverse = (block.twice - inverse.dot(A)).dot(inverse)  # Newton's step: less rounding
-            self.inverse[block.of_inverse] = inverse * block.scale.T
-            self._largest = max(self._largest, sizes[0])
-            self._smallest.append(sizes[1])
+            A = Phi.take(block.in_Phi) * block.scale
+            inverse, largest, smallest = _inverse(A)
+            # Newton's step, which removes rounding.
+            inverse = (block.twice_identity - inverse.dot(A)).dot(inverse)
+            self.inverse[block.in_inverse] = inverse * block.scale.T
+            self._largest = max(self._largest, largest)
+            self._smallest.append(smallest)
 
     def _require_rates(self, Phi: Array) -> None:
         """Check Phi L = 0 in redundant rows too."""
-        left = (Phi.dot(self.L) * self._of_Phi_L).ravel()
-        if left.dot(left) <= self._least_slack**2:
-            return  # sufficient: no entry is larger than the norm, and the slack is not smaller
-        if not np.abs(left).max(initial=0.0) <= self._slack:
+        violations = (Phi.dot(self.L) * self._scale_of_Phi_L).ravel()
+        if violations.dot(violations) <= self._least_allowed**2:
+            return  # sufficient, and quick: no entry is larger than the norm
+        if not np.abs(violations).max(initial=0.0) <= self._allowed:
             self._refuse(Phi, 0.0)
 
     @property
-    def _slack(self) -> float:
-        """Largest violation of redundant rows, free of units, at rates of the coordinates of one.
+    def _allowed(self) -> float:
+        """Largest allowed violation of redundant rows, free of units, for rates of size 1.
 
         Loops that are open by f displace dependent joints by up to f times the condition number,
-        and Phi, whose entries are up to `_largest`, changes in proportion.
+        and Phi, whose entries are up to `_largest`, changes in proportion. The rates of dependent
+        joints are up to the largest entry of L.
         """
         smallest = min(self._smallest, default=1.0)
         gap = np.abs(self._row_scale * self._loops.f).max() * self._largest / smallest
         bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * self._largest
-        return float(bound * np.abs(self.L * self._of_L).max(initial=1.0))
+        return float(bound * np.abs(self.L * self._scale_of_L).max(initial=1.0))
 
     @property
-    def _least_slack(self) -> float:
-        """The slack of loops without a gap in which no rate is larger than the coordinates'."""
+    def _least_allowed(self) -> float:
+        """A lower bound of `_allowed` that is quick to compute: f = 0, entries of L up to 1."""
         return INCONSISTENT * CLOSURE_TOLERANCE * self._largest
 
     def _refuse(self, Phi: Array, least: float) -> None:
-        """Raise the error; blocks with smaller singular values than `least` are singular."""
+        """Raise the error; blocks whose smallest singular value is at most `least` are singular."""
         mechanism = self._mechanism
-        verdicts = zip(self.blocks, self._smallest, strict=True)
-        loose = [rate for block, size in verdicts if not size > least for rate in block.rates]
+        undetermined: list[str] = []
+        for block, smallest in zip(self.blocks, self._smallest, strict=True):
+            if not smallest > least:
+                undetermined += [mechanism.space.rate_names[k] for k in block.rates]
+        if undetermined:
+            why = (
+                "the coordinates do not determine the rates of the dependent joints "
+                f"{listed(undetermined)}"
+            )
+        else:
+            coordinates = listed(mechanism.coordinate_rate_names)
+            why = f"the closures hold the coordinates {coordinates} themselves"
+
         scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
-        names = listed(mechanism.coordinate_rate_names)
-        why = f"the closures hold the coordinates {names} themselves"
-        if loose:
-            names = listed([mechanism.space.rate_names[k] for k in loose])
-            why = f"the coordinates do not determine the rates of the dependent joints {names}"
         others = choose_coordinates(mechanism, np.nan_to_num(scaled))
         names = listed(mechanism.space.names_of(others.tolist()))
         if not len(others):
@@ -236,39 +252,59 @@ def _norm(A: Array) -> float:
     return math.sqrt(entries.dot(entries))
 
 
-def _inverse(A: Array) -> tuple[Array, tuple[float, float]]:
-    """The pseudo-inverse of a matrix, and two sizes whose ratio is a condition number.
+class _PseudoInverse(NamedTuple):
+    """The pseudo-inverse of a matrix A of full column rank, and the size of its singular values.
 
-    They are the largest and the smallest singular value, or their bounds by Frobenius norms. The
-    second is 0 or NaN if there is no inverse.
+    Attributes:
+        matrix: Shape (columns, rows); zero if A has no full column rank.
+        largest: Largest singular value of A, or an upper bound: the Frobenius norm of A.
+        smallest: Smallest singular value of A, or a lower bound: 1 over the Frobenius norm of the
+            inverse. It is 0 or NaN if there is no inverse.
     """
+
+    matrix: Array
+    largest: float
+    smallest: float
+
+
+def _inverse(A: Array) -> _PseudoInverse:
+    """The pseudo-inverse of a matrix; fewer rows than columns have none."""
     rows, columns = A.shape
-    try:
-        if rows == columns:
-            inverse = np.asarray(np.linalg.inv(A), dtype=float)
-            return inverse, (_norm(A), 1 / _norm(inverse))
-        if rows > columns:
-            return _inverse_by_least_squares(A)
-    except np.linalg.LinAlgError:
-        pass
-    return np.zeros((columns, rows)), (0.0, 0.0)
+    if rows > columns:
+        return _inverse_by_least_squares(A)
+    inverse = _inverse_or_none(A) if rows == columns else None
+    if inverse is None:
+        return _PseudoInverse(np.zeros((columns, rows)), 0.0, 0.0)
+    return _PseudoInverse(inverse, _norm(A), 1 / _norm(inverse))
 
 
-def _inverse_by_least_squares(A: Array) -> tuple[Array, tuple[float, float]]:
-    """`_inverse` of a matrix with more rows than columns."""
-    try:
-        # Normal equations: the singular values of A^T A are the squares of those of A.
-        inverse_of_square = np.asarray(np.linalg.inv(A.T.dot(A)), dtype=float)
+def _inverse_by_least_squares(A: Array) -> _PseudoInverse:
+    """`_inverse` of a matrix with more rows than columns.
+
+    Normal equations are quick. They are precise enough below the condition number
+    `_NORMAL_EQUATIONS`; beyond, singular values are used.
+    """
+    # The singular values of A^T A are the squares of those of A.
+    inverse_of_square = _inverse_or_none(A.T.dot(A))
+    if inverse_of_square is not None:
         largest = _norm(A)
         smallest_inverse = math.sqrt(_norm(inverse_of_square))
         if largest * smallest_inverse < _NORMAL_EQUATIONS:
-            return inverse_of_square.dot(A.T), (largest, 1 / smallest_inverse)
-    except np.linalg.LinAlgError:
-        pass  # A^T A is singular to rounding; A need not be
+            return _PseudoInverse(inverse_of_square.dot(A.T), largest, 1 / smallest_inverse)
+    if not np.isfinite(A).all():
+        return _PseudoInverse(np.zeros(A.T.shape), 0.0, 0.0)
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     if not s[-1] > 0:
-        return np.zeros(A.T.shape), (0.0, 0.0)
-    return (Vt.T / s).dot(U.T), (s[0], s[-1])
+        return _PseudoInverse(np.zeros(A.T.shape), 0.0, 0.0)
+    return _PseudoInverse((Vt.T / s).dot(U.T), s[0], s[-1])
+
+
+def _inverse_or_none(A: Array) -> Array | None:
+    """The inverse of a square matrix; None if it is singular to the last digit."""
+    try:
+        return np.asarray(np.linalg.inv(A), dtype=float)
+    except np.linalg.LinAlgError:
+        return None
 
 
 class Bodies(NamedTuple):
@@ -289,10 +325,10 @@ class Bodies(NamedTuple):
 def body_jacobians(loops: Loops) -> Array:
     """Jacobians [v; omega] of the bodies at their mass centres, shape (6 r, nv), at the current q.
 
-    External wrenches w = [force; moment] there are the forces J^T w on the joints. K has the same
-    rows in the paper's order.
+    External wrenches w = [force; moment] at the mass centres have the forces J^T w on the joints. K
+    has the same rows in the paper's order.
     """
-    J = _at_mass_centers(_of_bodies(loops, pin.getJointJacobian), mass_centers(loops))
+    J = _at_mass_centers(_jacobians_of_bodies(loops, pin.getJointJacobian), mass_centers(loops))
     return J.dot(loops.tree.S).reshape(-1, loops.model.nv)
 
 
@@ -302,10 +338,13 @@ def bodies(loops: Loops, v: Array, weight_shares: WeightShares | None) -> Bodies
     S = loops.tree.S
     c = mass_centers(loops)
     pin.computeJointJacobiansTimeVariation(loops.tree.model, loops.data, loops.q, S.dot(v))
-    K = _in_paper_order(_at_mass_centers(_of_bodies(loops, pin.getJointJacobian), c)).dot(S)
-    # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
-    J_dot = _at_mass_centers(_of_bodies(loops, pin.getJointJacobianTimeVariation), c)
+    # K and K_dot have the shape (r, 6, nv) here.
+    J = _at_mass_centers(_jacobians_of_bodies(loops, pin.getJointJacobian), c)
+    K = _in_paper_order(J).dot(S)
+    J_dot = _at_mass_centers(_jacobians_of_bodies(loops, pin.getJointJacobianTimeVariation), c)
     K_dot = _in_paper_order(J_dot).dot(S)
+    # The mass centre has the velocity v_0 + omega x c, with v_0 at the origin. `J_dot` is the rate
+    # for constant c; the rate of omega x c has the term omega x c_dot too.
     c_dot = K[:, 3:] @ v
     K_dot[:, 3:] += np.cross(K[:, :3], c_dot[:, :, None], axis=1)
     omega = K[:, :3] @ v
@@ -336,7 +375,7 @@ def bodies(loops: Loops, v: Array, weight_shares: WeightShares | None) -> Bodies
 def natural_complement(bodies: Bodies, L: Array, L_dot: Array) -> tuple[Array, Array]:
     """T and its rate, shape (6 r, n): t = T va, t_dot = T aa + T_dot va, Eqs. (21), (24)."""
     T = bodies.K @ L  # Eqs. (22), (23)
-    T_dot = bodies.K_dot @ L + bodies.K @ L_dot  # Eq. (25)
+    T_dot = bodies.K_dot @ L + bodies.K @ L_dot  # the rate of Eq. (22), Eq. (25)
     return T, T_dot
 
 
@@ -350,17 +389,20 @@ def decoupled(loops: Loops) -> tuple[Array, Array]:
     model = loops.model
     c = mass_centers(loops)
     r = len(c)
-    J = _of_bodies(loops, pin.getJointJacobian)
+    J = _jacobians_of_bodies(loops, pin.getJointJacobian)
     N_l = np.zeros((r, 6, r, 6))
-    of_parents = np.zeros_like(J)
+    J_of_parents = np.zeros_like(J)
+    # Body i is that of joint i + 1; joint 0 is the base.
     for i in range(r):
-        for carrier in list(model.supports[i + 1])[1:]:
+        for joint in list(model.supports[i + 1])[1:]:
+            j = joint - 1  # body i itself, or a body between the base and body i
             transfer = np.eye(6)
-            transfer[3:, :3] = -pin.skew(c[i] - c[carrier - 1])  # v_i = v_j + omega x (c_i - c_j)
-            N_l[i, :, carrier - 1] = transfer
-        if model.parents[i + 1]:
-            of_parents[i] = J[model.parents[i + 1] - 1]
-    N_d = _in_paper_order(_at_mass_centers(J - of_parents, c)).dot(loops.tree.S)
+            transfer[3:, :3] = -pin.skew(c[i] - c[j])  # v_i = v_j + omega x (c_i - c_j)
+            N_l[i, :, j] = transfer
+        parent = model.parents[i + 1]
+        if parent:
+            J_of_parents[i] = J[parent - 1]
+    N_d = _in_paper_order(_at_mass_centers(J - J_of_parents, c)).dot(loops.tree.S)
     return N_l.reshape(6 * r, 6 * r), N_d.reshape(6 * r, model.nv)
 
 
@@ -370,21 +412,24 @@ def mass_centers(loops: Loops) -> Array:
     return np.array([loops.data.oMi[joint].act(body.lever) for joint, body in pairs])
 
 
-def _of_bodies(loops: Loops, of_joint: Callable[..., Array]) -> Array:
-    """Jacobians [v; omega] of all bodies at the world's origin, shape (r, 6, normal rates)."""
+def _jacobians_of_bodies(loops: Loops, jacobian: Callable[..., Array]) -> Array:
+    """Jacobians [v; omega] of all bodies at the world's origin, shape (r, 6, normal rates).
+
+    `jacobian` is Pinocchio's function for the Jacobian of a joint, or for its rate.
+    """
     model = loops.tree.model
     data = loops.data
-    J = [of_joint(model, data, joint, pin.WORLD) for joint in loops.tree.bodies[1:]]
+    J = [jacobian(model, data, joint, pin.WORLD) for joint in loops.tree.bodies[1:]]
     return np.array(J).reshape(len(J), 6, -1)
 
 
 def _at_mass_centers(J: Array, c: Array) -> Array:
-    """Jacobians [v; omega] at the world's origin -> those at each c, shape (r, 6, rates)."""
+    """Jacobians [v; omega] at the mass centres c from those at the origin, shape (r, 6, rates)."""
     v, omega = np.split(J, 2, axis=1)
     return np.concatenate([v + np.cross(omega, c[..., None], axis=1), omega], axis=1)
 
 
 def _in_paper_order(J: Array) -> Array:
-    """Jacobians [v; omega] -> [omega; v], Eq. (9), shape (r, 6, rates)."""
+    """Jacobians [omega; v], Eq. (9), from [v; omega], shape (r, 6, rates)."""
     v, omega = np.split(J, 2, axis=1)
     return np.concatenate([omega, v], axis=1)
