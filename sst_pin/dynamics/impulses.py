@@ -1,19 +1,28 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Impulses of stops, dry friction, ropes and contacts in one time step.
 
-The step is that of Moreau and Jean [1]: rates are free + M^-1 J^T x with impulses x, and w = J
-rates + bias + compliance x are the rates of the rows. Row by row,
+The step is that of Moreau and Jean [1]. M is the inertia in the coordinates (with implicit damping
+and stiffness), `free` are their rates without impulses, and J is the Jacobian of the rows. Impulses
+x change the rates to
 
-    STOP     0 <= x, 0 <= w, x w = 0
+    va = free + M^-1 J^T x.
+
+The rows then have the rates w = J va + bias + compliance x. For each row, x and w satisfy a law:
+
+    STOP     0 <= x, 0 <= w, x w = 0                (also for ropes and cables)
     DRY      |x| <= bound; w = 0, or x = -bound sign w
-    contact  rows (SIDE, SIDE, NORMAL): the normal row as a stop; the impulse s in the plane has
-             |s| <= friction x_n; w_s = 0, or s = -friction x_n w_s / |w_s|   (Coulomb's cone)
+    contact  rows (SIDE, SIDE, NORMAL): the normal row, with x_n, as a stop; the impulse s of both
+             sides has |s| <= friction x_n; w_s = 0, or s = -friction x_n w_s / |w_s|
+             (Coulomb's cone)
 
-All of it is x = P(x - w), with the projection P of Alart and Curnier [2]: P clips the impulses to
-their bounds and cones. Projected Gauss-Seidel sweeps [3] come near the solution, and Newton's
-method on x - P(x - w) finishes. Redundant contacts, as four corners of a sole, make J M^-1 J^T
-singular; a proximal term in Newton's matrix leaves the solution as it is. [4] compares such
-methods.
+All laws together are x = P(x - w), with the projection P of Alart and Curnier [2]: P clips the
+impulses to their bounds and cones. Projected Gauss-Seidel sweeps [3] come near the solution, and
+Newton's method on x - P(x - w) finishes. Redundant contacts, as four corners of a sole, make
+J M^-1 J^T singular; a proximal term in Newton's matrix makes its equations solvable and leaves the
+solution as it is. [4] compares such methods.
+
+`impulses` finds the rows that act and asks `_Problem` for their impulses. `_Problem.solution` makes
+series of sweeps and of Newton's steps until the error is small.
 
 [1] M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999).
 [2] P. Alart, A. Curnier, A mixed formulation for frictional contact problems prone to Newton like
@@ -35,27 +44,29 @@ STOP = 0
 DRY = 1
 SIDE = 2
 NORMAL = 3
-#: Largest error of x = P(x - w) in a solution, relative to the largest impulse. Both are in the
-#: units of the square root of an energy: rows are divided by the square root of their diagonal
-#: entries of J M^-1 J^T.
+#: The error is the largest entry of x - P(x - w), relative to the largest impulse. Impulses up to
+#: this error are a solution. Rows are divided by the roots of their diagonal entries of
+#: J M^-1 J^T first, so that all impulses have the same unit, the root of an energy.
 SOLVED = 1e-9
 #: Newton's method goes on to this error. Its last step squares the error, so that most solutions
 #: are exact to rounding.
 _ROUNDING = 1e-11
-#: Sweeps before a series of Newton's steps.
+
+# A series is some sweeps and then some of Newton's steps; see `_Problem.solution`.
+#: Sweeps of a series.
 _SWEEPS = 10
-#: The most steps in a series.
+#: The most Newton steps of a series.
 _STEPS = 20
 #: The most series.
 _SERIES = 30
-#: A solution that is not exact to rounding is improved in this number of series.
+#: From this series on, a solution need not be exact to rounding.
 _REFINED = 3
-#: Impulses larger than this multiple of the rates count as this multiple in the error: where no
-#: impulses solve a step, they grow without bound.
+#: Where no impulses solve a step, they grow without bound, and the relative error would become
+#: small. So the error is relative to at most this multiple of the rates u of `_Problem`.
 _LARGEST = 1e3
-#: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T. Regular parts of
-#: this matrix are larger than the first. Where redundant contacts contradict each other, as corners
-#: of a sole that begins to tilt, larger ones keep the steps short; smaller ones are for
+#: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T. The first is small
+#: beside the regular parts of this matrix. Where redundant contacts contradict each other, as
+#: corners of a sole that begins to tilt, larger ones keep the steps short; smaller ones are for
 #: contradictions of a billionth, where the solution is far away.
 _PROXIMAL = (1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2)
 
@@ -64,8 +75,8 @@ class Rows(NamedTuple):
     """Rows of stops, dry friction and contacts on the coordinates.
 
     Attributes:
-        J: Their rates for rates of the coordinates, shape (m, n).
-        bias: Rates that are added, shape (m,).
+        J: Jacobian of the rows on the rates of the coordinates, shape (m, n).
+        bias: Rates that are added to J va, shape (m,).
         compliance: Rates per impulse, shape (m,); zero for rigid rows.
         kinds: STOP, DRY, or SIDE, SIDE, NORMAL of a contact, shape (m,).
         bounds: Largest impulse of a DRY row, coefficient of friction at a NORMAL row, shape (m,).
@@ -84,7 +95,7 @@ class Impulses(NamedTuple):
     Attributes:
         rates: Rates of the coordinates after the impulses, shape (n,).
         x: Impulses, shape (m,).
-        residual: Largest error of x = P(x - w), relative to the largest impulse; see `SOLVED`.
+        residual: Error of x = P(x - w), see `SOLVED`; infinite if the rates are not finite.
     """
 
     rates: Array
@@ -95,13 +106,15 @@ class Impulses(NamedTuple):
 def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
     """Impulses of rows on coordinates with an inertia, shape (n, n), and free rates, shape (n,).
 
-    Only rows that act are solved for: dry friction, stops and contacts that the free rates violate,
-    and those that the impulses of the others violate. `start` is near the solution, shape (m,).
+    Rows act if they have dry friction, or if they are violated (w < 0) by the free rates, or by the
+    rates after the impulses of the rows that act already. Other rows have no impulse. `start` are
+    impulses near the solution, shape (m,).
     """
     Y = np.linalg.solve(inertia, rows.J.T)  # M^-1 J^T
     one_sided = (rows.kinds == STOP) | (rows.kinds == NORMAL)
     is_dry = (rows.kinds == DRY) & (rows.bounds > 0)
-    # Impulses of the other rows change no rate: the diagonal of J M^-1 J^T is zero there.
+    # Rows on which the loops allow no motion have zeros on the diagonal of J M^-1 J^T + compliance:
+    # their impulses change no rate.
     diagonal = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance
     moves = _of_whole_contacts(diagonal > 0, rows.kinds)
 
@@ -141,10 +154,12 @@ def _solved(rows: Rows, Y: Array, free: Array, start: Array, acting: Flags) -> t
     # Rows are divided by the roots of their diagonal entries. The three rows of a contact have the
     # same divisor, so that the cone of friction stays round.
     sizes = np.diag(A).copy()
-    normals = np.flatnonzero(kinds == NORMAL)
-    of_contacts = normals[:, None] - [0, 1, 2]
-    sizes[of_contacts] = sizes[of_contacts].max(axis=1, keepdims=True)
+    for normal in np.flatnonzero(kinds == NORMAL):
+        contact = slice(normal - 2, normal + 1)  # its rows: side, side, normal
+        sizes[contact] = sizes[contact].max()
     units = np.sqrt(sizes)
+    # Impulses are multiplied by the units, and so are the bounds of dry friction. Those of contacts
+    # are coefficients.
     bounds = np.where(kinds == DRY, rows.bounds[acting] * units, rows.bounds[acting])
     problem = _Problem(A / units / units[:, None], u / units, kinds, bounds)
     x, residual = problem.solution(start[acting] * units)
@@ -165,9 +180,9 @@ class _Problem:
     def solution(self, start: Array) -> tuple[Array, float]:
         """The solution near a start, and its residual.
 
-        Every third series of Newton's steps starts from the result of sweeps without Newton's
-        steps, which more sweeps continue each time. The others start from the best impulses so far.
-        Neither is best for all problems.
+        Two of three series begin with sweeps from the best impulses so far. Every third one
+        continues another sequence of sweeps, which Newton's steps do not change. Neither is best
+        for all problems.
         """
         swept = start
         best = start
@@ -187,17 +202,17 @@ class _Problem:
         return best, least
 
     def _newton(self, x: Array, proximal: float) -> tuple[Array, float]:
-        """The best of some steps of Newton's method, and its residual."""
+        """The best impulses of some steps of Newton's method from x, and their residual."""
         best = x
         least = np.inf
-        largest = _LARGEST * float(np.abs(self._u).max())
+        largest_size = _LARGEST * float(np.abs(self._u).max())
         for _ in range(_STEPS):
             y = x - self._A @ x - self._u  # x - w
             F = x - self._projected(y)
             error = float(np.abs(F).max())
-            size = float(min(np.abs(x).max(), largest))
+            size = float(min(np.abs(x).max(), largest_size))
             if error:
-                error = error / size if size else np.inf
+                error = error / size if size else np.inf  # relative
             if not error < least and least < SOLVED:
                 break  # a solution that does not become better
             if error < least:
@@ -223,7 +238,7 @@ class _Problem:
         x = np.where(self._kinds == STOP, np.maximum(y, 0.0), clipped)
         # Contacts: both sides together are shortened to the radius of the cone.
         normal = np.maximum(y[self._normals], 0.0)
-        sides = self._normals[:, None] - [1, 2]
+        sides = self._normals[:, None] - [1, 2]  # indices of the sides, shape (contacts, 2)
         sizes = np.linalg.norm(y[sides], axis=1)
         radius = self._friction * normal
         outside = sizes > radius
@@ -259,11 +274,14 @@ class _Problem:
         return x
 
     def _swept(self, x: Array) -> Array:
-        """Impulses after one sweep; the sides of a contact follow its normal row."""
+        """Impulses after one sweep: row by row, the impulse that solves its law for fixed others.
+
+        The sides of a contact come right after its normal row.
+        """
         x = x.copy()
         A = self._A
         for i in np.flatnonzero(self._kinds != SIDE):
-            x[i] -= (A[i] @ x + self._u[i]) / A[i, i]
+            x[i] -= (A[i] @ x + self._u[i]) / A[i, i]  # w_i = 0
             if self._kinds[i] == DRY:
                 x[i] = min(max(x[i], -self._bounds[i]), self._bounds[i])
                 continue

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the rows of a nonsmooth step are: contacts, ropes, cables, stops and dry friction.
+"""The rows of a nonsmooth step: contacts, ropes, cables, stops and dry friction.
 
-Each row has an impulse in a step; `impulses` computes them. A contact has three rows, along x, y
-and z of its ground; the last one is its normal row.
+A row is a direction in which an impulse acts in a step, with the rate along this direction. It says
+how both depend on each other; `impulses` has these laws and computes the impulses. A contact has
+three rows, along x, y and z of its ground; the last one is its normal row. Ropes, cables (the lines
+that only pull), stops, and joints and lines with dry friction have one row each.
+
+`NonsmoothRows` lists the rows of a mechanism with the numbers that are the same in all steps.
+`nonsmooth_step` computes those that depend on the state.
 """
 
 from collections.abc import Sequence
@@ -19,25 +24,25 @@ from ..errors import InputError
 from ..model.mechanism import Mechanism
 from .impulses import DRY, NORMAL, SIDE, STOP
 
-#: Largest correction that closes the loops after a step, relative to the step: it is of second
-#: order in the step.
+#: Largest correction that closes the loops after a step, relative to the step. The correction is of
+#: second order in the step, so a larger one means that the step is too long.
 LARGEST_BEND = 0.25
-#: Contacts, ropes and stops may be violated by this part of the robot's length, or this angle, at
-#: the start: the first step corrects it with a speed of this per step.
+#: At the start, contacts, ropes and stops may be violated by this part of the robot's length, or by
+#: this angle. The first step removes the violation at once, so that a larger one would be a jump.
 _VIOLATED = 1e-3
 
 
 class Stop(NamedTuple):
     """An end of the range of a joint."""
 
-    rate: int  #: Index in v.
-    position: int  #: Index in q.
+    rate: int  #: Index of the joint's rate in v.
+    position: int  #: Index of the joint's coordinate in q.
     side: int  #: 1 for the lower end, -1 for the upper one.
-    limit: float
+    limit: float  #: Position at the end, [rad] or [m].
 
 
 class Parts(NamedTuple):
-    """Which rows belong to what, in this order."""
+    """The parts of the rows, in this order."""
 
     contacts: slice
     ropes: slice
@@ -48,7 +53,7 @@ class Parts(NamedTuple):
 
 
 class MotorGains(NamedTuple):
-    """Gains of position control in the motors, shapes (motors,)."""
+    """Gains of position control in the motors, per motor position and rate, shapes (motors,)."""
 
     stiffness: Array
     damping: Array
@@ -83,7 +88,10 @@ class NonsmoothRows:
             self._require_position(motor)
 
     def _require_cable_alone(self, motor: int) -> None:
-        """Refuse gains of a motor that pulls a cable and acts on anything else."""
+        """Refuse gains of a motor that pulls a cable and acts on anything else.
+
+        The gains are part of the cable's stiffness and damping, for one cable only.
+        """
         mechanism = self.mechanism
         on_cables = mechanism.lines.actuation[self.cables, motor]
         on_others = np.delete(mechanism.lines.actuation[:, motor], self.cables)
@@ -145,7 +153,7 @@ class NonsmoothRows:
 
     @cached_property
     def parts(self) -> Parts:
-        """Which rows belong to what."""
+        """The slices of the rows that belong to each part."""
         contacts = self.mechanism.contacts
         slices = []
         start = 0
@@ -202,7 +210,7 @@ class NonsmoothRows:
 
     @cached_property
     def of_gaps(self) -> Indices:
-        """The rows of gaps: normal rows of contacts, ropes, stops, in this order."""
+        """Indices of the rows whose rate closes a gap: normal rows, then ropes, then stops."""
         row = np.arange(self.count)
         return np.concatenate([row[self.normals], row[self.parts.ropes], row[self.parts.stops]])
 
@@ -224,18 +232,26 @@ class NonsmoothRows:
         return -_VIOLATED * self.gap_scale
 
     def stop_gaps(self, q: Array) -> Array:
-        """How far each stop is away, shape (stops,)."""
+        """Distances from the stops, negative beyond them, shape (stops,), [rad] or [m]."""
         return np.array([x.side * (q[x.position] - x.limit) for x in self.stops])
 
     def motor_positions(self, q: Array, lengths: Array) -> Array:
-        """Positions of the motors, shape (motors,): of tendons and lines the weighted lengths."""
+        """Positions of the motors, shape (motors,).
+
+        The position of a motor is the sum of the positions of its joints, from the neutral
+        configuration, and of the lengths of its lines, each times the factor of its force.
+        """
         model = self.mechanism.model
         displacement = pin.difference(model, pin.neutral(model), q)
         return displacement @ self.mechanism.actuation + lengths @ self.mechanism.lines.actuation
 
     @cached_property
     def on_joints(self) -> Array:
-        """Which impulses of stops and dry joints act on which rates, 1 or -1, shape (m, nv)."""
+        """Forces on the joints by unit impulses of stops and dry friction, shape (m, nv).
+
+        Entry (i, k) is 1 or -1 if row i acts on rate k. Other rows are zero: they do not act on one
+        joint.
+        """
         matrix = np.zeros((self.count, self.mechanism.model.nv))
         for row, stop in enumerate(self.stops, self.parts.stops.start):
             matrix[row, stop.rate] = stop.side

@@ -1,12 +1,24 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """One step of motion with stops, dry friction, ropes and contacts, by the reference path.
 
-The free rates are those without the impulses of the rows. Viscous friction, springs, lines and
-gains of motors are taken at the end of the step:
+Each stop, each dry friction, each rope and cable has a row, and each contact has three; see
+`nonsmooth_rows`. A row has an impulse in a step. A step of length h (`NonsmoothStep.step`) has
+three parts:
 
-    (M + h D + h^2 K) va = M va_0 + h f(q, v_0),   D, K: their matrices in the coordinates
+1. The free rates va of the coordinates at its end, those without impulses, solve
 
-`impulses` changes these rates, and Newton's method closes the loops at their end.
+       (M + h D + h^2 C) va = M va_0 + h f(q, v_0).
+
+   M is the mass matrix in the coordinates, f are the forces at the beginning, and D and C are the
+   damping and the stiffness of joints, of lines that also push, and of the gains of motors. So
+   their forces are those at the end of the step: the step is implicit in them.
+2. `impulses` computes the impulses of the rows, which change the free rates.
+3. The configuration is moved along these rates, and Newton's method closes the loops.
+
+The choice of the coordinates changes a motion only by the error of its steps, which is of order h.
+The reference path makes steps in other coordinates where the condition number of the dependent
+joints is above 10 (`simulation.nonsmooth_reference`). Compiled steps keep the robot's coordinates
+and leave steps near singular configurations to the reference path.
 """
 
 from __future__ import annotations
@@ -28,12 +40,16 @@ from .nonsmooth_rows import NonsmoothRows
 
 
 class Forces(NamedTuple):
-    """What acts in a step.
+    """Torques, positions of motors and wrenches that act in a step.
+
+    A motor gives tau + stiffness (positions - its position) - damping times its rate, with the
+    gains `MotorGains`.
 
     Attributes:
         tau: Torques of the motors besides those of their gains, shape (motors,).
         positions: Positions that the gains hold, shape (motors,).
-        wrenches: External wrenches, shape (r, 6), or None.
+        wrenches: External [force; moment] on the bodies at their mass centres, shape (r, 6), or
+            None.
     """
 
     tau: Array
@@ -48,8 +64,8 @@ class Step(NamedTuple):
         q: Configuration, shape (nq,).
         va: Rates of the coordinates, shape (n,).
         v: Rates of all joints with which q was reached, shape (nv,).
-        x: Impulses of the rows, shape (m,).
-        residual: As of `Impulses`.
+        x: Impulses of the rows, shape (m,), [N s] or [N m s].
+        residual: The residual of `Impulses`.
     """
 
     q: Array
@@ -62,16 +78,18 @@ class Step(NamedTuple):
 class NonsmoothArrays(NamedTuple):
     """Arguments and results of N motions side by side.
 
+    Results are filled in: the states after the first one, forces, residuals and impulses.
+
     Attributes:
-        dt: Step, [s].
+        dt: Length of a step, [s].
         tau: Torques, shape (N, steps, motors).
         positions: Positions that the gains hold, shape (N, steps, motors).
         load: Constant external wrenches, shape (N, r, 6), or None.
-        q: Configurations, shape (N, steps + 1, nq); the first are the starts, the others results.
-        va: Rates of the coordinates, shape (N, steps + 1, n), likewise.
-        forces: Forces of the rows to fill, shape (N, steps, m).
-        residual: To fill, shape (N, steps).
-        impulses: Impulses of the step before, shape (N, m); of the last step afterwards.
+        q: Configurations, shape (N, steps + 1, nq). The first ones are the starts.
+        va: Rates of the coordinates, shape (N, steps + 1, n). The first ones are given.
+        forces: Forces of the rows, shape (N, steps, m).
+        residual: The residuals of `Impulses`, shape (N, steps).
+        impulses: Impulses of the last step that was made, shape (N, m): where the solver starts.
     """
 
     dt: float
@@ -107,21 +125,22 @@ class _Beginning(NamedTuple):
         va: Rates of the coordinates, shape (n,).
         v: Rates of all joints, shape (nv,).
         L: Joint orthogonal complement, v = L va, shape (nv, n).
-        M: Mass matrix of the tree, shape (nv, nv).
-        force: Forces of weights and rates on the tree, shape (nv,).
+        M_tree: Mass matrix of the tree, shape (nv, nv).
+        force: Forces of weights and of the rates (Coriolis, centrifugal) on the tree, shape (nv,).
         gaps: Gaps of the contacts, shape (contacts,), [m].
-        J_contacts: Rates of their points in the axes of their grounds, shape (3 contacts, nv).
-        slack: What is left of the ropes' lengths, shape (ropes,), [m].
-        J_ropes: Its rates, shape (ropes, nv).
+        J_contacts: The relative velocities of the contacts' points in the axes of their grounds are
+            J_contacts v, shape (3 contacts, nv).
+        slack: Lengths of the ropes less the distances of their ends, shape (ropes,), [m].
+        J_ropes: The rates of the slack are J_ropes v, shape (ropes, nv).
         lengths: Lengths of the lines, shape (lines,), [m].
-        J_lines: Their rates, shape (lines, nv).
+        J_lines: The rates of the lengths are J_lines v, shape (lines, nv).
     """
 
     q: Array
     va: Array
     v: Array
     L: Array
-    M: Array
+    M_tree: Array
     force: Array
     gaps: Array
     J_contacts: Array
@@ -132,19 +151,20 @@ class _Beginning(NamedTuple):
 
 
 class _Cables(NamedTuple):
-    """The lines that only pull, with the gains of motors on them.
+    """The cables, which are the lines that only pull, with the gains of motors on them.
 
-    The tension of a cable is that at the beginning plus stiffness times the change of its length
-    plus damping times its rate; it has a row, because it is never negative. A cable without
-    stiffness and damping has a constant tension, and no impulse of a row.
+    There are two kinds. An elastic cable has stiffness or damping. Its tension at the end of the
+    step is that at the beginning, plus stiffness times the change of its length, plus damping times
+    its rate, but never negative: therefore a row computes it. A cable without stiffness and damping
+    has a constant tension in a step, which is a force; its row has no impulse.
 
     Attributes:
-        tensions: Tensions at the beginning without dampers, shape (cables,), negative if the spring
-            pushes.
-        stiffness: Shape (cables,).
-        damping: Shape (cables,).
-        constant: Which of them have a constant tension, shape (cables,).
-        constant_pulls: These tensions, and zero for other cables, shape (cables,).
+        tensions: Tensions at the beginning without dampers, shape (cables,), [N]. They are negative
+            where a spring pushes.
+        stiffness: Shape (cables,), [N/m].
+        damping: Shape (cables,), [N s/m].
+        constant: Which cables have a constant tension, shape (cables,).
+        constant_pulls: These tensions, and zero for elastic cables, shape (cables,), [N].
     """
 
     tensions: Array
@@ -167,13 +187,13 @@ class NonsmoothStep:
             for x in self._mechanism.contacts.points
         ]
         self._rope_lengths = np.array([rope.length for rope in self._mechanism.contacts.ropes])
-        #: Indices of the lines that pull and push.
         lines = np.arange(len(self._mechanism.lines.forces))
+        #: Indices of the lines that pull and push.
         self._rods = np.setdiff1d(lines, rows.cables)
 
     @cached_property
-    def _ropes(self) -> Loops:
-        """The ropes as distances that nothing holds: f are the distances of their ends."""
+    def _rope_distances(self) -> Loops:
+        """The ropes as lines: f are the distances of their ends."""
         return line_loops(self._mechanism.model, self._mechanism.contacts.ropes)
 
     def gaps(self, q: Array) -> Array:
@@ -192,15 +212,15 @@ class NonsmoothStep:
         tensions = self._tensions(begin, tau)
         cables = self._cables(tensions)
 
-        # The free rates solve left free = right.
+        # The free rates: (M + h D + h^2 C) free = M va + h f.
         force = self._forces(begin, tau, tensions, cables, forces.wrenches)
-        inertia = begin.L.T @ begin.M @ begin.L
-        left = inertia + self._implicit(begin, h)
-        right = inertia @ va + h * (begin.L.T @ force)
-        free = np.linalg.solve(left, right)
+        M = begin.L.T @ begin.M_tree @ begin.L
+        implicit_inertia = M + self._damping_and_stiffness(begin, h)
+        free = np.linalg.solve(implicit_inertia, M @ va + h * (begin.L.T @ force))
 
-        after, x, residual = impulses(left, free, self._impulse_rows(begin, cables, free, h), start)
-        x[self._rows.parts.cables] += h * cables.constant_pulls
+        rows = self._impulse_rows(begin, cables, free, h)
+        after, x, residual = impulses(implicit_inertia, free, rows, start)
+        x[self._rows.parts.cables] += h * cables.constant_pulls  # their rows have no impulses
         v = begin.L @ after
         ahead = mechanism.space.normalised(q + h * mechanism.space.coordinate_rates(q, v))
         end = self._context.without_slip.assemble(ahead, mechanism.dependent)
@@ -210,7 +230,7 @@ class NonsmoothStep:
         """All that a step needs of the state (q, va)."""
         context = self._context
         v, bias = context.complement.motion(q, va, context.steady)
-        M = context.tree_inertia()
+        M_tree = context.tree_inertia()
         force = -context.tree_forces(v, bias)
         gaps, J_contacts = self._contacts()
         slack, J_ropes = self._slack(q)
@@ -220,7 +240,7 @@ class NonsmoothStep:
             va=va,
             v=v,
             L=context.complement.L,
-            M=M,
+            M_tree=M_tree,
             force=force,
             gaps=gaps,
             J_contacts=J_contacts,
@@ -231,7 +251,7 @@ class NonsmoothStep:
         )
 
     def _tensions(self, begin: _Beginning, tau: Array) -> Array:
-        """Tensions of all lines with motors, without dampers, shape (lines,)."""
+        """Tensions of all lines with motor torques tau, without dampers, shape (lines,)."""
         lines = self._mechanism.lines
         springs = lines.stiffness * (begin.lengths - lines.rest_lengths)
         return np.asarray(lines.preload + springs - lines.actuation @ tau)
@@ -241,7 +261,8 @@ class NonsmoothStep:
         lines = self._mechanism.lines
         cables = self._rows.cables
         gains = self._rows.gains
-        # A motor's position is its factor times the length, and so is its force.
+        # The position of a motor is a factor times the length, and its tension the same factor
+        # times its force, so that gains count with the square of the factor.
         squared_factors = lines.actuation[cables] ** 2
         stiffness = lines.stiffness[cables] + squared_factors @ gains.stiffness
         damping = lines.damping[cables] + squared_factors @ gains.damping
@@ -257,7 +278,7 @@ class NonsmoothStep:
         cables: _Cables,
         wrenches: Array | None,
     ) -> Array:
-        """Forces on the tree at the beginning, without dampers and rows, shape (nv,)."""
+        """Forces on the tree at the beginning, without dampers and impulses, shape (nv,)."""
         mechanism = self._mechanism
         rods = self._rods
         force = begin.force + mechanism.actuation @ tau - tensions[rods] @ begin.J_lines[rods]
@@ -266,8 +287,12 @@ class NonsmoothStep:
             force = force + wrenches.ravel() @ body_jacobians(self._context.loops)
         return np.asarray(force - cables.constant_pulls @ begin.J_lines[self._rows.cables])
 
-    def _implicit(self, begin: _Beginning, h: float) -> Array:
-        """h D + h^2 K in the coordinates, shape (n, n): of joints, lines that push, and motors."""
+    def _damping_and_stiffness(self, begin: _Beginning, h: float) -> Array:
+        """h D + h^2 C, shape (n, n), of joints, lines that push, and gains of motors.
+
+        An element with the rate J va, damping d and stiffness c has the force d J va at the end,
+        and c h J va more than at the beginning: it adds J^T (h d + h^2 c) J.
+        """
         mechanism = self._mechanism
         lines = mechanism.lines
         gains = self._rows.gains
@@ -301,16 +326,17 @@ class NonsmoothStep:
         J = J_tree @ begin.L
         J[self._held_by_loops(J)] = 0.0
 
-        # The rate w of a row is J va plus the bias. With the bias gap / h, the gap after the step
-        # is h w, which is not negative. The slack of a rope is a gap.
+        # The rate of a row is w = J va + bias + compliance x. With the bias gap / h, the gap after
+        # the step is h w, and w >= 0 keeps it open. The slack of a rope is a gap.
         biases = np.zeros(rows.count)
         biases[rows.normals] = self._approach(begin.gaps, J[rows.normals], begin.va, free, h)
         biases[parts.ropes] = begin.slack / h
         biases[parts.stops] = rows.stop_gaps(begin.q) / h
 
-        # With the rate l_dot of its length and soft = damping + h stiffness, a cable has the
-        # tension x / h = tension + soft l_dot, or none if this is negative. So the rate of its row
-        # is w = -l_dot - tension / soft + x / (h soft).
+        # An elastic cable has the rate l_dot of its length, which is -J va of its row. With
+        # soft = damping + h stiffness, its tension at the end is tension + soft l_dot, or 0 if this
+        # is negative. The impulse x is h times the tension at the end. So the row is
+        # w = -l_dot - tension / soft + x / (h soft), with x >= 0, w >= 0 and x w = 0.
         compliance = np.zeros(rows.count)
         soft = np.where(cables.constant, 1.0, cables.damping + h * cables.stiffness)
         biases[parts.cables] = np.where(cables.constant, 0.0, -cables.tensions / soft)
@@ -318,51 +344,61 @@ class NonsmoothStep:
         return Rows(J, biases, compliance, rows.kinds, rows.bounds(h))
 
     def _held_by_loops(self, J: Array) -> Indices:
-        """Rows of gaps that cannot change: what they have on the coordinates is rounding."""
+        """Indices of the rows of gaps that the loops hold constant: their J is rounding."""
         rows = self._rows
         scale = self._mechanism.rate_scale[self._mechanism.coordinates]
         largest = np.abs(J[rows.of_gaps] * scale).max(axis=1, initial=0.0)
         return rows.of_gaps[largest <= HELD_BY_LOOPS * rows.gap_scale]
 
     def _approach(self, gaps: Array, J: Array, va: Array, free: Array, h: float) -> Array:
-        """Biases of the normal rows: gap / h, or after an impact restitution times the rate."""
+        """Biases of the normal rows, shape (contacts,).
+
+        A bias is gap / h. In an impact it is restitution times the normal rate before, which is
+        negative: w = 0 then means that the rate after is -restitution times this rate.
+        """
         before = J @ va
-        ahead = np.minimum(before, J @ free)
-        hits = (self._rows.restitution > 0) & (before < 0) & (gaps + h * ahead <= 0)
-        return np.where(hits, self._rows.restitution * before, gaps / h)
+        closing_rates = np.minimum(before, J @ free)
+        closes = gaps + h * closing_rates <= 0
+        impacts = (self._rows.restitution > 0) & (before < 0) & closes
+        return np.where(impacts, self._rows.restitution * before, gaps / h)
 
     def _contacts(self) -> tuple[Array, Array]:
-        """Gaps of the contacts, and relative rates of their points in axes of their grounds.
+        """Gaps and Jacobian of the contacts, as in `_Beginning`, at the configuration of the loops.
 
-        Shapes (contacts,) and (3 contacts, nv), at the configuration of the loops.
+        Two points touch: the lowest point of the sphere, and the point of the ground's body below.
         """
         loops = self._context.loops
         gaps = np.zeros(len(self._frames))
-        rows = np.zeros((3 * len(self._frames), loops.model.nv))
+        J_contacts = np.zeros((3 * len(self._frames), loops.model.nv))
         for k, (frame, ground, radius) in enumerate(self._frames):
             plane = loops.data.oMf[ground]
             p = loops.data.oMf[frame].translation
             normal = plane.rotation[:, 2]
             height = normal @ (p - plane.translation)
             gaps[k] = height - radius
-            lowest = -radius * normal  # from the frame to the point that touches
-            below = p - plane.translation - height * normal
-            relative = _at(loops.frame_jacobian(frame), lowest)
-            relative = relative - _at(loops.frame_jacobian(ground), below)
-            rows[3 * k : 3 * k + 3] = plane.rotation.T @ relative
-        return gaps, rows
+            lowest = -radius * normal  # from the frame to the lowest point
+            below = p - plane.translation - height * normal  # from the ground's frame
+            J_lowest = _point_jacobian(loops.frame_jacobian(frame), lowest)
+            J_below = _point_jacobian(loops.frame_jacobian(ground), below)
+            J_contacts[3 * k : 3 * k + 3] = plane.rotation.T @ (J_lowest - J_below)
+        return gaps, J_contacts
 
     def _slack(self, q: Array) -> tuple[Array, Array]:
-        """What is left of the ropes' lengths, and its rates, shapes (ropes,) and (ropes, nv)."""
+        """Slack and Jacobian of the ropes, as in `_Beginning`."""
         if not len(self._rope_lengths):
             return np.zeros(0), np.zeros((0, self._mechanism.model.nv))
-        self._ropes.evaluate(q)
-        distances = self._ropes.f
-        # The direction of a rope between coinciding frames is not determined; it is slack.
+        self._rope_distances.evaluate(q)
+        distances = self._rope_distances.f
+        # Between coinciding frames a rope has no direction; it is slack, so its row is zero.
         apart = distances > LEAST_LENGTH * self._mechanism.length
-        return self._rope_lengths - distances, np.where(apart[:, None], -self._ropes.Phi, 0.0)
+        J_ropes = np.where(apart[:, None], -self._rope_distances.Phi, 0.0)
+        return self._rope_lengths - distances, J_ropes
 
 
-def _at(J: Array, lever: Array) -> Array:
-    """Linear rates of a point of a body from those of a frame, shape (3, nv)."""
+def _point_jacobian(J: Array, lever: Array) -> Array:
+    """Linear Jacobian of a point of a body, shape (3, nv).
+
+    J is that of a frame of the body, [linear; angular], and `lever` the vector from the frame to
+    the point, in base axes.
+    """
     return J[:3] - np.cross(lever, J[3:], axisb=0, axisc=0)
