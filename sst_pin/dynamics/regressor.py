@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Generalized forces as Y theta, theta the parameters of bodies, joints, lines and motors.
+"""Generalized forces as f = Y theta, with the parameters theta of bodies, joints, lines and motors.
 
 Y = L^T Y_tree. A column of Y_tree has the forces along the rates of the tree for one unit of a
 parameter. References of springs and rest lengths of lines are constant, so f is linear in theta.
+
+`names_of` and `parameters_of` list the parameters, `torque_regressor` computes Y, and `changed`
+makes a mechanism's tree and numbers with other parameters.
 """
 
 from __future__ import annotations
@@ -26,10 +29,10 @@ from .dynamics import Context
 
 #: Parameters of a body about the frame of its joint, as in `pin.Inertia.toDynamicParameters`.
 OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
-#: Parameters of the rates. A block of columns has one parameter of all rates; the stiffness is only
-#: of rates for which a spring is possible.
+#: Parameters of the rates. In theta, those of all rates stand together: all viscous, then all
+#: coulomb, and so on. Only rates for which a spring is possible have a stiffness.
 OF_RATE = ("viscous", "coulomb", "armature", "stiffness", "offset")
-#: Parameters of a line, and the attributes of `LineForce` that have them.
+#: Parameters of a line, and the names of these attributes of `LineForce`.
 OF_LINE = {
     "stiffness": "stiffness",
     "damping": "damping",
@@ -103,7 +106,10 @@ class DynamicParameters(Summary):
 
 
 def with_springs(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with a spring wherever one is possible; kernels then have all stiffnesses."""
+    """The mechanism with a spring of stiffness 1 at all rates for which one is possible.
+
+    Kernels of this mechanism have the stiffnesses of all these rates as parameters.
+    """
     stiffness = np.zeros(mechanism.model.nv)
     stiffness[mechanism.possible_springs] = 1
     return replace(mechanism, springs=Springs(stiffness, mechanism.springs.reference))
@@ -126,7 +132,7 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 class _Blocks(NamedTuple):
     """The values of all parameters by kinds, in the order of `names_of`.
 
-    There are r bodies, nv rates, of which `mechanism.possible_springs` can have springs.
+    There are r bodies and nv rates. Springs are possible for `mechanism.possible_springs` of them.
     """
 
     bodies: Array  #: Shape (r, 10).
@@ -145,7 +151,7 @@ class _Blocks(NamedTuple):
 
     @classmethod
     def of_values(cls, mechanism: Mechanism, values: Array) -> _Blocks:
-        """The blocks of all values, shape (p,)."""
+        """The blocks from all values, shape (p,)."""
         shapes = [block.shape for block in _blocks_of(mechanism)]
         ends = np.cumsum([math.prod(shape) for shape in shapes])
         parts = np.split(values, ends[:-1])
@@ -205,7 +211,7 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
 
 
 def _of_lines(context: Context, q: Array, v: Array, v_dot: Array) -> Array:
-    """Columns of the lines, shape (n, 5 lines): L^T J^T times the tension of a unit."""
+    """Columns of the lines, shape (n, 5 lines): L^T J^T times the tension by a unit parameter."""
     lines = context.mechanism.lines
     lengths, J = context.lines.evaluate(q)
     rates = J.dot(v)
@@ -219,12 +225,13 @@ def _of_lines(context: Context, q: Array, v: Array, v_dot: Array) -> Array:
     }
     L_J = J.dot(context.complement.L).T
     columns = [L_J * tensions[word] for word in OF_LINE]  # each (n, lines)
+    # The five parameters of a line stand together.
     return np.stack(columns, axis=-1).reshape(len(L_J), len(OF_LINE) * len(rates))
 
 
 def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     """Columns of the bodies, shape (n, 10 r)."""
-    tree = context.tree  # depth-first, for Pinocchio; S takes rates of the robot to its rates
+    tree = context.tree  # the normal tree of Pinocchio's functions; its rates are S v
     S = tree.S
     L = context.complement.L
     n = L.shape[1]
@@ -235,7 +242,8 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     by_body = S.dot(L).T.dot(Y_tree).reshape(n, tree.model.njoints - 1, len(OF_BODY))
     weight_shares = context.mechanism.weight_shares
     if weight_shares is not None:
-        # At rest, bodies need forces for their weights alone.
+        # Some bodies lack a part of their weights, and so of the forces at rest. The mass and first
+        # moment of this part are linear in those of the body.
         at_rest = np.zeros(tree.model.nv)
         Y_weights = pin.computeJointTorqueRegressor(
             tree.model, context.data, context.loops.q, at_rest, at_rest
@@ -245,22 +253,35 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
         for body in weight_shares.bodies:
             k = tree.bodies[body + 1] - 1
             by_body[:, k, :4] -= of_weights[:, k, :4].dot(weight_shares.without_weight(body))
-    order = np.array(tree.bodies[1:]) - 1  # bodies of the robot in the order of its tree
+    order = np.array(tree.bodies[1:]) - 1  # the robot's bodies among those of the normal tree
     return by_body[:, order].reshape(n, len(order) * len(OF_BODY))
 
 
 def changed(
     mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]
 ) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
-    """Tree (with friction and rotors), `numbers` of `mechanism_of`, and lines with theta."""
+    """A mechanism's data with parameters theta, to make a new one.
+
+    Args:
+        mechanism: The present mechanism.
+        theta: All parameters, shape (p,), or some by name.
+
+    Returns:
+        model: The tree with bodies, friction and rotors of theta.
+        numbers: The argument `numbers` of `mechanism_of`.
+        forces: The lines.
+
+    Raises:
+        InputError: For parameters that a chain cannot have.
+    """
     model = pin.Model(mechanism.model)
     blocks = _Blocks.of_values(mechanism, _values(mechanism, theta))
     if blocks.torque_offsets.any():
         raise InputError(
             "theta", "a chain has no torque offsets of motors; subtract them from the torques"
         )
-    for i, ten in enumerate(blocks.bodies, 1):  # joint 0 is the base
-        model.inertias[i] = _body(model.names[i], model.inertias[i], ten)
+    for i, parameters in enumerate(blocks.bodies, 1):  # joint 0 is the base
+        model.inertias[i] = _inertia(model.names[i], model.inertias[i], parameters)
     model.damping = blocks.viscous
     model.friction = blocks.coulomb
     model.armature = blocks.armature
@@ -295,7 +316,11 @@ def _values(mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]) -> Arr
 
 
 def _spring_reference(mechanism: Mechanism, stiffness: Array, offset: Array) -> Array:
-    """The reference of springs that also give the constant forces `offset`, shape (nq,)."""
+    """The reference of springs that also give the constant forces `offset`, shape (nq,).
+
+    Against a spring, a motion needs the force stiffness (q - reference). It needs `offset` more if
+    the reference is shifted by -offset / stiffness.
+    """
     names = mechanism.space.rate_names
     reference = mechanism.springs.reference
     without_spring = [names[k] for k in np.flatnonzero((offset != 0) & (stiffness == 0))]
@@ -318,7 +343,7 @@ def _spring_reference(mechanism: Mechanism, stiffness: Array, offset: Array) -> 
 
 
 def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
-    """Warn of bodies of which only the mass changes."""
+    """Warn if only the mass of a body changes, but not its first moment and inertia."""
     for name, mass in theta.items():
         body, _, word = name.rpartition(".")
         others = [f"{body}.{other}" for other in OF_BODY[1:]]
@@ -335,13 +360,14 @@ def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
             )
 
 
-def _body(name: str, body: pin.Inertia, ten: Array) -> pin.Inertia:
-    """A body with ten parameters; without mass its mass centre is where it was."""
-    if np.array_equal(body.toDynamicParameters(), ten):
-        return body
-    if ten[0]:
-        return pin.Inertia.FromDynamicParameters(ten)
-    if ten[1:4].any():
+def _inertia(name: str, present: pin.Inertia, parameters: Array) -> pin.Inertia:
+    """A body's inertia with the parameters `OF_BODY`; without mass its mass centre stays."""
+    if np.array_equal(present.toDynamicParameters(), parameters):
+        return present
+    mass = parameters[0]
+    if mass:
+        return pin.Inertia.FromDynamicParameters(parameters)
+    if parameters[1:4].any():
         raise InputError("theta", f"body {name} has a first moment but no mass")
-    xx, xy, yy, xz, yz, zz = ten[4:]
-    return pin.Inertia(0.0, body.lever, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    xx, xy, yy, xz, yz, zz = parameters[4:]
+    return pin.Inertia(0.0, present.lever, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
