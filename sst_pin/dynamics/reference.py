@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The reference path: single samples by Pinocchio and NumPy, in any number of threads."""
+"""The reference path: single samples by Pinocchio and NumPy, in any number of threads.
+
+`Reference` has a method for each quantity of an engine. It calls the functions of this room and
+checks that their results are finite.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +31,11 @@ _Method = TypeVar("_Method", bound=Callable[..., Array])
 
 
 def _finite(method: _Method) -> _Method:
-    """Make a method of `Reference` refuse results that are not finite, and name the argument."""
-    names = list(signature(method).parameters)[1:]
+    """Decorator of a method of `Reference` that refuses results that are not finite.
+
+    The error names the argument that is not finite.
+    """
+    names = list(signature(method).parameters)[1:]  # without self
 
     @wraps(method)
     def checked(self: Reference, *arguments: Any, **more: Any) -> Array:
@@ -55,6 +62,9 @@ class Reference(threading.local):
 
     Each thread has its own attributes, and so its own context: loops, L and data of Pinocchio are
     those of the last sample that this thread computed. Each method evaluates them at its sample.
+
+    Arguments have the shapes of one sample: q (nq,), va, aa (n,), tau (motors,), and external
+    wrenches [force; moment] at the mass centres, base axes, (r, 6), or None.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -75,7 +85,7 @@ class Reference(threading.local):
 
     @cached_property
     def designs(self) -> dict[str, Any]:
-        """The last `design_derivatives.Design`, by its parameters; it is kept for loops."""
+        """The last `design_derivatives.Design`, by its parameters, for loops over samples."""
         return {}
 
     @_finite
@@ -100,17 +110,18 @@ class Reference(threading.local):
         A = self.context.complement.L.T.dot(self.context.actuation(q))  # f = A tau
         with np.errstate(over="ignore", invalid="ignore"):
             tau = least_torques(self.mechanism, A, f, weights)
+            # A part of f that no motor supplies must be rounding: tiny beside the forces of the
+            # motors, or beside all forces, which may cancel to f. The former are quick to compute.
             unsupplied = f - A.dot(tau)
             sizes = np.abs(A).dot(np.abs(tau))
             if not (np.abs(unsupplied) <= UNSUPPLIED * sizes).all():
-                # Forces may cancel to f, which then is rounding: all of them count.
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
                 _require_finite(np.append(tau, sizes), (), ())
                 self._require_supplied(unsupplied, sizes)
         return tau
 
     def _require_supplied(self, unsupplied: Array, sizes: Array) -> None:
-        """Refuse forces along the coordinates that no motor supplies; `sizes` tell rounding."""
+        """Refuse unsupplied forces along the coordinates, beyond the rounding of `sizes`."""
         missing_at = np.flatnonzero(np.abs(unsupplied) > UNSUPPLIED * sizes)
         if not len(missing_at):
             return
@@ -183,12 +194,14 @@ class Reference(threading.local):
         compliances: Array | None = None,
         axes: Array | None = None,
     ) -> Array:
-        """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
+        """Wrenches of joints, closures and ground, torques and codes, see `reactions.reactions`."""
         with np.errstate(over="ignore", invalid="ignore"):
             row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances, axes)
         n = len(reactions.names_of(self.mechanism))
         names = "q", "va", "aa", "tau", "external_wrenches"
-        _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques
+        # Wrenches of joints and closures may be NaN on purpose; ground and torques may not.
+        ground_and_torques = row[6 * n : -n]
+        _require_finite(ground_and_torques, names, (q, va, aa, tau, wrenches))
         return row
 
     @_finite
@@ -201,19 +214,23 @@ class Reference(threading.local):
         wrenches: Array | None,
         compliances: Array | None = None,
     ) -> Array:
-        """Unique parts of the forces in joints and closures, and what they lack, flat."""
+        """Unique parts of the forces in joints and closures, see `reactions.unique_forces`."""
         return reactions.unique_forces(self.context, q, va, aa, tau, wrenches, compliances)
 
     @_finite
     def rates(self, q: Array, va: Array) -> Array:
-        """v = L va, shape (nv,), Eq. (16)."""
+        """v = L va, shape (nv,)."""
         return self.L(q).dot(va)  # Eq. (16)
 
     def moved(self, q: Array, step: Array) -> Array:
-        """The configuration where the coordinates are a step further, in the same assembly mode."""
+        """The configuration where the coordinates are a step further, in the same assembly mode.
+
+        `step` are displacements of the coordinates, shape (n,).
+        """
         model = self.mechanism.model
         assembly = self.context.assembly
 
+        # The configuration at the fraction `high` of the step, from q at the fraction `low`.
         def path(q: Array, low: float, high: float) -> Array:
             ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
             return assembly.closed(ahead)
@@ -301,7 +318,10 @@ class Reference(threading.local):
         return np.asarray(v.dot(self.context.tree_inertia()).dot(v) / 2)
 
     def potential_energy(self, q: Array) -> Array:
-        """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
+        """Potential energy of weights, springs and lines, [J].
+
+        That of the weights is zero with all masses at the origin.
+        """
         context = self.context
         springs = self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
@@ -309,6 +329,7 @@ class Reference(threading.local):
         model = self.mechanism.model
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
         energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
+        # Less the part of the weights that does not act, by its first moment about the origin.
         for body, (mass, *moment) in self.mechanism.lifted.items():
             placement = context.data.oMi[context.tree.bodies[body + 1]]
             at_origin = mass * placement.translation + placement.rotation @ moment
