@@ -44,7 +44,7 @@ class Properties(NamedTuple):
     Attributes:
         by_directions: Whether a kernel can fill its lanes with directions.
         loadable: Whether external wrenches may act.
-        smooth: Whether Coulomb friction is smooth, because the quantity is a derivative; see
+        smooth: Whether Coulomb friction is smoothed, because the quantity is a derivative; see
             `Quantity.sign_width`.
         of_frame: Whether it is a quantity of a frame.
     """
@@ -98,12 +98,12 @@ class Quantity(NamedTuple):
 
     @property
     def properties(self) -> Properties:
-        """Its properties; a quantity that only Warp computes has none."""
+        """The properties of the quantity; a KeyError for a quantity that only Warp computes."""
         return QUANTITIES[self.name]
 
     @property
     def entry(self) -> str:
-        """The name of its functions in C; a library has those of one quantity."""
+        """Name of the functions of its library in C, such as torque_derivatives_along_loaded."""
         parts = [str(self.name)]
         if self.along:
             parts.append("along")

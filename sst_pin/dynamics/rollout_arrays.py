@@ -12,12 +12,13 @@ class RolloutArrays(NamedTuple):
     """Arrays of N rollouts with a fixed step.
 
     Attributes:
-        dt: Step, [s].
+        dt: Length of a step, [s].
         q0: Starts, shape (N, nq).
         va0: Rates at the starts, shape (N, n).
-        tau: Torques, shape (N, steps, motors), or at ends and middles, (N, 2 steps + 1, motors).
+        tau: Torques that are constant in each step, shape (N, steps, motors), or those at the
+            start, the middle and the end of each step, shape (N, 2 steps + 1, motors).
         load: Constant external wrenches, shape (N, 6 r), or None.
-        q: Configurations to fill, shape (N, steps + 1, nq); NaN after the end.
+        q: Configurations to fill, shape (N, steps + 1, nq); NaN after the end of a motion.
         va: Rates to fill, shape (N, steps + 1, n).
     """
 
@@ -40,7 +41,7 @@ class RolloutArrays(NamedTuple):
         return self.tau.shape[1] == self.steps
 
     def torques(self, i: int, s: int) -> Array:
-        """Torques at the start, in the middle and at the end of step s, shape (3, motors)."""
+        """Torques of rollout i at the start, middle and end of step s, shape (3, motors)."""
         if self.constant_torques:
             return self.tau[i, [s, s, s]]
         return self.tau[i, 2 * s : 2 * s + 3]

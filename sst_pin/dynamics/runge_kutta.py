@@ -7,8 +7,9 @@ from typing import Any, TypeVar
 #: Numbers, or symbols, of a state.
 X = TypeVar("X", bound=Any)
 
-#: For each of the four slopes: where it is taken (0: start, 1: middle, 2: end of the step), its
-#: weight in the result, and the part of the step from the start to the next stage.
+#: For each of the four slopes: when it is taken (0: start, 1: middle, 2: end of the step), its
+#: weight in the result, and the fraction of the step from the start to the next stage. There is no
+#: stage after the last one.
 _SLOPES = ((0, 1 / 6, 1 / 2), (1, 1 / 3, 1 / 2), (1, 1 / 3, 1), (2, 1 / 6, 0))
 
 
