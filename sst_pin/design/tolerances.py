@@ -85,22 +85,22 @@ def tolerances(
             raise UnknownNameError("design parameter", pattern, list(known))
         sizes |= dict.fromkeys(names, positive_number(pattern, value, or_zero=True))
 
-    # Derivatives by the parameters, shape (N, ..., p).
+    # Derivatives of each subject by the parameters, shape (N, components, parameters).
     d = chain.design_derivatives(motion.q, motion.va, motion.aa, list(sizes), frame=frame)
-    slopes = {
+    derivatives = {
         "position": d.pose[:, :3],
         "orientation": d.pose[:, 3:],
         "torques": d.torques,
         "clearance": _clearance_derivatives(chain, motion.q, d.L)[:, None],
     }
 
-    # Independent tolerances: variances add up.
+    # The tolerances are independent, so their variances add up.
     deviation_of_each = np.array(list(sizes.values()))
     shares = dict[str, Array]()
-    totals = dict[str, Array]()
-    for subject, slope in slopes.items():
-        contributions = slope * deviation_of_each
-        variances = (contributions**2).sum(axis=(0, 1))
+    totals = dict[str, Array]()  # standard deviations, shape (N, components)
+    for subject, derivative in derivatives.items():
+        contributions = derivative * deviation_of_each
+        variances = (contributions**2).sum(axis=(0, 1))  # summed over times and components
         shares[subject] = variances / (variances.sum() or 1.0)
         totals[subject] = np.linalg.norm(contributions, axis=-1)
     return Tolerances(
@@ -114,7 +114,7 @@ def tolerances(
 
 
 def _clearance_derivatives(chain: ClosedChain, q: Array, L_derivatives: Array) -> Array:
-    """Derivatives of 1 / s by the parameters, shape (N, p), with the largest singular value s of L.
+    """Derivatives of 1 / s by the p parameters, with the largest singular value s of L, (N, p).
 
     With its singular vectors u and v, L v = s u, ds = u^T dL v and d(1 / s) = -ds / s^2. The sign
     does not matter for variances. `L_derivatives` has the shape (N, nv, n, p).
@@ -123,7 +123,8 @@ def _clearance_derivatives(chain: ClosedChain, q: Array, L_derivatives: Array) -
     U, s, Vt = np.linalg.svd(L)
     u = U[..., 0]
     v = Vt[..., 0, :]
-    s_derivatives = np.einsum("tv,tvnp,tn->tp", u, L_derivatives / units[..., None], v)
+    dL = L_derivatives / units[..., None]
+    s_derivatives = np.einsum("tv,tvnp,tn->tp", u, dL, v)  # u^T dL v for each time t, parameter p
     return np.asarray(s_derivatives / s[:, :1] ** 2)
 
 
