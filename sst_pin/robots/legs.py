@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Joints of legged robots that motors drive by rods: ankle, knee, and a leg with both.
+"""Ankle, knee and leg of a humanoid, whose motors move the joints by rods.
 
-Each drive is a four-bar: a motor turns a crank, a rod connects the crank with a lever of the link.
-In all frames x points forward, y to the left, z up.
+Each drive is a four-bar: a motor turns a crank, and a rod connects the crank with a lever of the
+link. In all frames x points forward, y to the left, z up. Pitch is a turn about y, roll about x.
 """
 
 from dataclasses import dataclass
@@ -25,23 +25,25 @@ _RY = pin.JointModelRY
 class _Drive:
     """A motor with a crank that moves a link by a rod.
 
-    The crank points backward where the motor is at 0, and so does the link's lever where the joint
-    is at 0.
+    Where the motor is at 0, the crank points backward. The rod ends at the eye, a ball on the link.
+
+    Attributes:
+        name: Suffix of the names of motor, rod and frames.
+        link: The joint of the link.
+        motor: Position of the motor in the frame of the joint at 0, shape (3,), [m].
+        crank: Length of the crank, [m].
+        eye: Position of the eye in the frame of the link, shape (3,), [m].
+        length: Length of the rod, [m].
+        is_planar: Whether the rod stays in the plane of the crank. It then has a hinge at the
+            crank, otherwise a universal joint.
     """
 
-    #: Suffix of the names of motor, rod and frames.
     name: str
-    #: The joint of the link.
     link: str
-    #: Where the motor is in the frame of the joint at 0, shape (3,), [m].
     motor: Array
-    #: Length of the crank, [m].
     crank: float
-    #: Where the rod meets the link, in the frame of the link, shape (3,), [m].
     eye: Array
-    #: Length of the rod, [m].
     length: float
-    #: Whether the rod stays in the plane of the crank, so that it needs only a hinge there.
     is_planar: bool
 
     def add(
@@ -63,7 +65,7 @@ class _Drive:
         tree.add_frame(f"end_{self.name}", f"rod_{self.name}", (0, 0, -self.length))
 
     def add_closure(self, tree: Tree) -> Closure:
-        """Add the ball between the rod and the link."""
+        """Add the ball between the rod and the eye of the link."""
         tree.add_frame(f"lever_{self.name}", self.link, self.eye)
         return Closure(f"lever_{self.name}", f"end_{self.name}", "3d")
 
@@ -75,16 +77,16 @@ class _Drive:
 
             -x cos(phi) + z sin(phi) = (r . r + crank^2 - length^2) / (2 crank).
 
-        The left side is h cos(phi - phi_0) with h = |(x, z)| and phi_0 = atan2(z, -x). Of the two
-        solutions phi_0 +- acos(...), the crank takes that with the larger angle.
+        The left side is h cos(phi - phi_0) with h = |(x, z)| and phi_0 = atan2(z, -x). There are
+        two solutions, phi_0 +- acos(right side / h). The crank has the one with plus.
         """
         r = R @ self.eye - self.motor
         x, y, z = r
         square = x * x + y * y + z * z
         right_side = (square + self.crank**2 - self.length**2) / (2 * self.crank)
         motor = np.arctan2(z, -x) + np.arccos(right_side / np.hypot(x, z))
-        # The z axis of the rod points from the eye to the tip of the crank, at (-crank, 0, 0) in
-        # the frame of the crank.
+        # In the frame of the crank: the z axis of the rod points from the eye to the tip of the
+        # crank, which is at (-crank, 0, 0).
         eye_in_crank = _pitch_roll(motor).T @ r
         z_axis = (-self.crank, 0.0, 0.0) - eye_in_crank
         if self.is_planar:
@@ -272,9 +274,10 @@ def _add_knee(
     shank_mass: float,
     shank: float,
 ) -> list[Closure]:
-    """Add crank, rod and shank, with the knee at a placement on its parent; returns the closure.
+    """Add crank, rod and shank, and return the closure, in a list.
 
-    The crank has the mass of the rod. `shank` is the length from knee to ankle.
+    `at` is the placement of the knee on its parent. The crank has the mass of the rod. `shank` is
+    the length from knee to ankle.
     """
     drive.add(tree, parent, at, rod_mass=rod_mass, crank_mass=rod_mass)
     tree.add_joint("knee", _RY(), rod(shank_mass, (0, 0, -shank), 0.03), parent, at)
@@ -291,14 +294,14 @@ def _add_ankle(
     crank_mass: float,
     foot_mass: float,
 ) -> list[Closure]:
-    """Add cranks, rods and the foot, with the ankle at a placement on its parent.
+    """Add cranks, rods and the foot, which is the platform, and return the closures.
 
-    The ankle has two joints, pitch and then roll, with a small disc between them. The foot is the
-    platform.
+    `at` is the placement of the ankle on its parent. The ankle has two joints, pitch and then roll,
+    with a small disc between them.
     """
     for drive in drives:
         drive.add(tree, parent, at, rod_mass=rod_mass, crank_mass=crank_mass)
-    size = drives[0].crank  # also the length of the levers: the foot is drawn by it
+    size = drives[0].crank  # the length of cranks and levers; disc and foot are multiples of it
     tree.add_joint("ankle_pitch", _RY(), disc(0.05 * foot_mass, 0.4 * size, 0.4 * size), parent, at)
     edges = np.multiply(size, (4.8, 1.8, 0.6))
     centre = np.multiply(size, (0.8, 0, -1))
@@ -333,10 +336,10 @@ def _ankle_joints(drives: list[_Drive], pose: pin.SE3) -> Joints:
 def _leg_joints(
     lengths: tuple[float, float], knee_drive: _Drive, ankle_drives: list[_Drive], pose: pin.SE3
 ) -> Joints:
-    """Inverse kinematics of the leg, with the lengths of thigh and shank.
+    """Inverse kinematics of the leg; `lengths` are those of thigh and shank.
 
-    Hip and knee are a two-link arm to the ankle, where z downward is the first axis of its plane
-    and x backward the second. The ankle turns the foot from the shank to its orientation.
+    Thigh and shank are a two-link arm to the ankle, in the plane with the axes -z and -x, in which
+    turns about y are positive. The ankle turns the foot from the shank to its orientation.
     """
     thigh, shank = lengths
     x, _, z = pose.translation

@@ -13,7 +13,8 @@ from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, angle_of, planar, rotated_about_x, shift
 
 _LEGS = (1, 2, 3)
-#: Angle between the diagonal of a cube and its edges, [rad].
+#: Angle between the diagonal of a cube and its edges, [rad]. Three axes with this angle to z, with
+#: azimuths that differ by 120 degrees, are at right angles to each other, as edges of a cube.
 _CUBE = float(np.arccos(1 / np.sqrt(3)))
 
 
@@ -126,9 +127,9 @@ def _spherical_joints(pose: pin.SE3) -> Joints:
     """Inverse kinematics in closed form, one leg after the other.
 
     The pose of the platform gives the axis w of the wrist. In the frame of the motor, the axis of
-    the elbow is Rot_z(motor) Rot_x(pi/2) z = (sin motor, -cos motor, 0). It must be normal to w =
-    (x, y, z) there, so tan motor = y / x. In the frame of the elbow, w is the axis of the next
-    hinge in the same way: (x, y, z) = (sin elbow, -cos elbow, 0).
+    the elbow is Rot_z(motor) Rot_x(pi/2) z = (sin motor, -cos motor, 0). It must be normal to
+    w = (x, y, z), so tan motor = y / x. In the frame of the elbow, w itself is the axis of the next
+    hinge: w = Rot_z(elbow) Rot_x(pi/2) z = (sin elbow, -cos elbow, 0).
     """
     joints: Joints = {}
     quarter = rotated_about_x(np.pi / 2).rotation
@@ -154,20 +155,21 @@ def _spherical_joints(pose: pin.SE3) -> Joints:
 
 def _motor_on_base(k: int) -> pin.SE3:
     """The frame of motor k in the base. Its z axis is the motor's; the three axes point down."""
-    return _along_cube(2 * np.pi / 3 * k, np.pi - _CUBE)
+    return _tilted_frame(2 * np.pi / 3 * k, np.pi - _CUBE)
 
 
 def _wrist_on_platform(k: int) -> pin.SE3:
     """The frame of wrist k on the platform. Its z axis is the wrist's; the three axes point up.
 
-    At home the axes of motor k, elbow k and wrist k are at right angles, as two edges of a cube and
-    the edge normal to both: the azimuths of motor and wrist differ by 300 degrees.
+    A motor's axis, reversed, points up and is an edge of a cube; the wrists' axes are the edges of
+    the same cube. At home wrist k is along the reversed axis of motor k + 1. So the axes of motor k
+    and wrist k are at right angles, and the axis of elbow k is the third edge.
     """
-    return _along_cube(2 * np.pi / 3 * (k + 1) + np.pi, _CUBE)
+    return _tilted_frame(2 * np.pi / 3 * (k + 1) + np.pi, _CUBE)
 
 
-def _along_cube(azimuth: float, tilt: float) -> pin.SE3:
-    """A frame whose z axis is tilted from that of the robot: three such axes are a cube's edges."""
+def _tilted_frame(azimuth: float, tilt: float) -> pin.SE3:
+    """A frame at the origin whose z axis is tilted from z, towards an azimuth, [rad]."""
     return pin.SE3(rpyToMatrix(0.0, 0.0, azimuth) @ rpyToMatrix(0.0, tilt, 0.0), np.zeros(3))
 
 
@@ -183,36 +185,37 @@ def bennett(
     """Bennett's linkage: four revolute joints, no two parallel; overconstrained but movable.
 
     Opposite bars are equal; lengths are proportional to the sines of their twists (G. T. Bennett, A
-    new mechanism, Engineering 76 (1903)). The counting formula gives minus two degrees of freedom,
-    but it has one: three of its five closure equations are redundant. The platform is the middle of
-    the coupler.
+    new mechanism, Engineering 76 (1903)). The twist of a bar is the angle between its two axes. The
+    counting formula gives minus two degrees of freedom, but the linkage has one: three of its five
+    closure equations are redundant. The platform is the middle of the coupler.
 
     Args:
-        crank: Length of the crank and of the bar across, [m].
-        twist: Angle from the first axis of these bars to the second, [rad].
-        coupler_twist: The same angle of the coupler and of the base, [rad].
+        crank: Length of the crank and of the follower, the bar across, [m].
+        twist: Twist of crank and follower, [rad].
+        coupler_twist: Twist of the coupler and of the base, [rad].
         linear_density: Mass of a bar per length, [kg/m].
         radius: Radius of the bars, [m].
     """
     coupler = crank * np.sin(coupler_twist) / np.sin(twist)
-    # From the first pin of a bar to its second.
-    over_crank = shift((crank, 0)) * rotated_about_x(twist)
-    over_coupler = shift((coupler, 0)) * rotated_about_x(coupler_twist)
+    # Placements of the second pin of a bar in the frame of its first pin.
+    crank_end = shift((crank, 0)) * rotated_about_x(twist)
+    coupler_end = shift((coupler, 0)) * rotated_about_x(coupler_twist)
     crank_bar = bar(linear_density * crank, crank, radius)
     coupler_bar = bar(linear_density * coupler, coupler, radius)
     tree = Tree("bennett")
     tree.add_hinge("crank", crank_bar)
-    tree.add_hinge("coupler", coupler_bar, "crank", over_crank)
-    tree.add_hinge("follower", crank_bar, "coupler", over_coupler)
-    tree.add_frame("ground_pin", "universe", over_coupler.inverse())
-    tree.add_frame("follower_pin", "follower", over_crank)
+    tree.add_hinge("coupler", coupler_bar, "crank", crank_end)
+    tree.add_hinge("follower", crank_bar, "coupler", coupler_end)
+    # The base is a bar like the coupler, whose second pin is that of the crank.
+    tree.add_frame("ground_pin", "universe", coupler_end.inverse())
+    tree.add_frame("follower_pin", "follower", crank_end)
     tree.make_platform("coupler", (coupler / 2, 0))
     closures = [Closure("ground_pin", "follower_pin", "hinge")]
 
     ratio = np.sin((coupler_twist + twist) / 2) / np.sin((coupler_twist - twist) / 2)
     joints = partial(_bennett_joints, coupler / 2, ratio)
     crank_angle = 1.2
-    coupler_pin = planar(0, 0, crank_angle) * over_crank
+    coupler_pin = planar(0, 0, crank_angle) * crank_end
     home = coupler_pin * planar(0, 0, _coupler_angle(crank_angle, ratio)) * shift((coupler / 2, 0))
     return GalleryRobot(tree, closures, ["crank"], joints, home)
 

@@ -51,7 +51,7 @@ def four_bar(
     tree = Tree("four_bar")
     for name, parent, at, length in (
         ("crank", "universe", UPRIGHT, crank),
-        ("coupler", "crank", shift((crank, 0)), max(point, coupler)),
+        ("coupler", "crank", shift((crank, 0)), max(point, coupler)),  # its point may be beyond
         ("rocker", "universe", UPRIGHT * shift((ground, 0)), rocker),
     ):
         tree.add_hinge(name, bar(linear_density * length, length, radius), parent, at)
@@ -68,7 +68,7 @@ def four_bar(
 
 
 def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3) -> Joints:
-    """Inverse kinematics: the coupler's pose gives both of its pins, these give the other bars."""
+    """Inverse kinematics: the coupler's pose gives both of its pins, and these the other bars."""
     pose = UPRIGHT.actInv(pose)
     crank_pin = pose.act(np.array([-point, 0, 0]))
     rocker_pin = pose.act(np.array([coupler - point, 0, 0]))
@@ -231,7 +231,10 @@ def _planar_platform(
 
 
 def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE3) -> Joints:
-    """Inverse kinematics: each leg is a two-link arm to its vertex; base, vertices (legs, 3)."""
+    """Inverse kinematics: each leg is a two-link arm to its vertex.
+
+    `base` are the motors, `vertices` the joints of the platform in its frame, shape (legs, 3), [m].
+    """
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         shoulder, elbow = two_link(pose.act(vertex) - foot, lengths[0], lengths[1], elbow=1)

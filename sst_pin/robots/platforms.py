@@ -33,15 +33,16 @@ def stewart(
 ) -> GalleryRobot:
     """The Gough-Stewart platform 6-UPS: six driven struts move a platform.
 
-    The platform is a free-flyer with six ball joints. A strut turns about a universal joint at the
-    base and does not spin. The layout of V. E. Gough's machine and of D. Stewart, A platform with
-    six degrees of freedom, Proc. Inst. Mech. Eng. 180 (1965).
+    In the tree, the platform is a free-flyer; ball closures connect it with the struts. A strut
+    turns about a universal joint at the base and does not spin. The layout is that of V. E. Gough's
+    machine and of D. Stewart, A platform with six degrees of freedom, Proc. Inst. Mech. Eng. 180
+    (1965).
 
     Args:
         base_radius: Radius of the circle of the base's joints, [m].
         platform_radius: Radius of the circle of the platform's joints, [m].
-        base_spread: Half the angle between two neighbours of the base, [rad].
-        platform_spread: Half the angle between the same legs on the platform, [rad].
+        base_spread: Half the angle between the two neighbours of a pair on the base, [rad].
+        platform_spread: Half the angle between the same two struts on the platform, [rad].
         retracted: Length of a strut at no stroke, [m].
         platform_mass: [kg].
         barrel_mass: Mass of the part of each strut at the base, [kg].
@@ -88,7 +89,7 @@ def ups_pu(
     Args:
         base_radius: Radius of the circle of the base's joints, [m].
         platform_radius: Radius of the circle of the platform's joints, [m].
-        post: Length of the post; its foot is at the height of the base if the joint is at 0, [m].
+        post: Length of the post, [m]. At the stroke 0, its lower end is in the plane of the base.
         retracted: Length of a strut at no stroke, [m].
         platform_mass: [kg].
         post_mass: [kg].
@@ -135,9 +136,10 @@ def hexaglide(
 ) -> GalleryRobot:
     """The hexaglide 6-PUS: six carriages on parallel rails carry a platform on rods.
 
-    Rails run along x in the plane z = 0. The platform above them is a free-flyer held by six balls.
-    The layout of the Hexaglide of ETH Zurich (M. Honegger, A. Codourey, E. Burdet, Adaptive
-    control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997).
+    Rails run along x in the plane z = 0. In the tree, the platform above them is a free-flyer; six
+    ball closures connect it with the rods. The layout is that of the Hexaglide of ETH Zurich (M.
+    Honegger, A. Codourey, E. Burdet, Adaptive control of the Hexaglide, a 6 dof parallel
+    manipulator, ICRA 1997).
 
     Args:
         rails: y of the six rails, shape (6,), [m].
@@ -168,7 +170,7 @@ def hexaglide(
     return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 2 / 3 * strut)))
 
 
-#: On which side of its ball each carriage of the hexaglide is: at smaller x, -1, or larger x, 1.
+#: The side of its ball on which each carriage of the hexaglide is: -1 at smaller x, 1 at larger x.
 _SIDES = (-1, 1, -1, 1, -1, 1)
 
 
@@ -176,8 +178,8 @@ def _hexaglide_joints(rails: Array, vertices: Array, strut: float, pose: pin.SE3
     """Inverse kinematics: a strut of known length ends at its ball, and begins on its rail."""
     joints = {"platform": pin.SE3ToXYZQUAT(pose)}
     for k, (y, vertex, side) in enumerate(zip(rails, vertices, _SIDES, strict=True), 1):
-        # The ball from the rail's point at x = 0. The strut has the components (-along_rail, dy,
-        # dz), so the carriage is at dx + along_rail.
+        # (dx, dy, dz) is the ball, seen from the rail's point at x = 0. If the carriage is at
+        # x = dx + along_rail, the strut to the ball is (-along_rail, dy, dz).
         dx, dy, dz = pose.act(vertex) - (0, y, 0)
         along_rail = side * np.sqrt(strut**2 - dy**2 - dz**2)
         joints[f"carriage_{k}"] = dx + along_rail
@@ -192,7 +194,10 @@ def _height(foot: Array, vertex: Array, length: float) -> float:
 
 
 def _pairs(spread: float) -> Array:
-    """Angles of three pairs of neighbours, shape (6,); `spread` is half their distance, [rad]."""
+    """Angles of three pairs of neighbours on a circle, shape (6,), [rad].
+
+    `spread` is half the angle between the two neighbours of a pair.
+    """
     middles = 2 * np.pi / 3 * np.arange(3)
     return (middles[:, None] + spread * np.array([-1, 1])).ravel()
 
@@ -206,10 +211,10 @@ def _add_struts(
     barrel_mass: float,
     rod_mass: float,
 ) -> tuple[list[Closure], list[str]]:
-    """Add struts that turn about a universal joint on the base, slide, and end at the platform.
+    """Add struts: a universal joint on the base, a slide, and a ball closure with the platform.
 
-    `base` and `vertices` are the joints on base and platform, shape (struts, 3), [m]. Returns the
-    closures, a ball for each strut, and the names of the motors.
+    `base` and `vertices` are the places of the joints on base and platform, in their frames, shape
+    (struts, 3), [m]. Returns the closures and the names of the motors, which are at the slides.
     """
     closures = []
     motors = []
@@ -252,9 +257,10 @@ def delta(
 ) -> GalleryRobot:
     """The delta robot: three arms and six rods move a platform without rotation.
 
-    The rods are connected to the arms by universal joints and do not spin. Ball joints connect them
-    to the platform, which is the child of rod_1a in the tree. The robot of R. Clavel, Delta, a fast
-    robot with parallel geometry, ISIR 1988, in the size of a machine for a table.
+    Universal joints connect the rods to the arms, so that rods do not spin. Ball joints connect
+    them to the platform. One of these balls is in the tree: the platform is the child of rod_1a.
+    The robot is that of R. Clavel, Delta, a fast robot with parallel geometry, ISIR 1988, in the
+    size of a machine for a table.
 
     Args:
         base_radius: Radius of the circle of the motors, [m].
@@ -268,7 +274,8 @@ def delta(
     """
     tree = Tree("delta")
     closures = []
-    # In the tree the platform hangs on the ball of rod_1a, which is at `first` in its frame.
+    # The body of the platform has its frame at the ball of rod_1a, which is at `first` from the
+    # centre of the platform.
     first = np.array([platform_radius, spacing / 2, 0])
     end = (0, 0, -forearm)
     for k in (1, 2, 3):
@@ -299,11 +306,11 @@ def delta(
 
 
 def _delta_joints(radii: tuple[float, float], arm: float, forearm: float, pose: pin.SE3) -> Joints:
-    """Inverse kinematics, with the radii of base and platform.
+    """Inverse kinematics; `radii` are those of base and platform.
 
-    In the frame of a leg, x radial and z up, the arm turns about y. A rod of length forearm leaves
-    the plane of the arm by y, so arm and rod are a two-link arm with the lengths arm and
-    sqrt(forearm^2 - y^2) in this plane.
+    In the frame of a leg, with x radial and z up, the arm turns about y, in the plane of x and z. A
+    rod leaves this plane by y, so its projection has the length sqrt(forearm^2 - y^2). Arm and
+    projected rod are a two-link arm.
     """
     base_radius, platform_radius = radii
     joints: Joints = {}

@@ -42,9 +42,9 @@ def scissor_lift(
         InputError: For no cells.
     """
     cells = whole_number("cells", cells, 1)
-    # Arms a rise to the right, arms b to the left; a_k and b_k cross in their middles. The arms are
-    # hinged end to end in two zigzags: a_1, b_2, a_3, ... stands on the fixed hinge, and b_1, a_2,
-    # b_3, ... on the slider.
+    # Cell k has two arms that cross in their middles: a_k rises to the right, b_k to the left. The
+    # arms are hinged end to end in two zigzags. One stands on the fixed hinge: a_1, b_2, a_3, ...
+    # The other one stands on the slider: b_1, a_2, b_3, ...
     on_hinge = []
     on_slider = []
     for k in range(1, cells + 1):
@@ -59,13 +59,15 @@ def scissor_lift(
     tip = shift((arm, 0))
 
     def add_zigzag(names: list[str], parent: str, at: pin.SE3) -> None:
-        """Add arms end to end, from a place on a parent."""
+        """Add arms end to end, the first one at a placement on a parent."""
         for name in names:
             tree.add_hinge(name, bar(arm_mass, arm, radius), parent, at)
             tree.add_frame(f"middle_of_{name}", name, (arm / 2, 0))
             parent = name
             at = tip
-        if parent.startswith("b"):  # the last arm b ends at the upper left: it has the platform
+        # One zigzag ends with the last arm b, at the upper left, and carries the platform. The
+        # other one ends with the last arm a, below the platform's slider at the upper right.
+        if parent.startswith("b"):
             plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
             tree.add_hinge("platform_hinge", plate, parent, tip)
             tree.make_platform("platform_hinge")
@@ -84,9 +86,13 @@ def scissor_lift(
 
 
 def _lift_joints(cells: int, arm: float, pose: pin.SE3) -> Joints:
-    """Inverse kinematics: the platform is at the height cells * arm * sin(rise)."""
-    rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))  # angle of arms a
-    fold = np.pi - 2 * rise  # angle between an arm and the next one in its zigzag
+    """Inverse kinematics: the platform is at the height cells * arm * sin(rise).
+
+    Arms a have the direction `rise` in the plane, arms b the direction pi - rise. Joints turn by
+    the differences of the directions along a zigzag; the platform has the direction 0.
+    """
+    rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))
+    fold = np.pi - 2 * rise  # from the direction of arms a to that of arms b
     joints: Joints = {
         "slider": arm * np.cos(rise),
         "platform_slider": arm * np.cos(rise),
@@ -106,17 +112,22 @@ _Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class _Cylinder:
-    """A hydraulic cylinder between two bodies; its rod slides in its barrel."""
+    """A hydraulic cylinder between two bodies; its rod slides in its barrel.
 
-    #: First part of the names of its joints and frames.
+    Attributes:
+        name: First part of the names of its joints and frames.
+        carrier: The body on which the barrel turns.
+        foot: The pin of the barrel on the carrier.
+        driven: The body that the rod drives.
+        lug: The pin of the rod on the driven body.
+        retracted: Distance of both pins at no stroke, [m].
+    """
+
     name: str
-    #: The body on which the barrel turns, and the pin of the barrel there.
     carrier: str
     foot: _Point
-    #: The body that the rod drives, and the pin of the rod there.
     driven: str
     lug: _Point
-    #: Distance of both pins at no stroke, [m].
     retracted: float
 
     def add(self, tree: Tree, mass: float) -> None:
@@ -125,7 +136,8 @@ class _Cylinder:
         piston = rods(mass / 2, [(-0.9 * self.retracted, 0, 0), (0, 0, 0)], 0.025)
         barrel_joint = f"{self.name}_barrel"
         stroke = f"{self.name}_stroke"
-        if self.carrier == "swing":  # its z axis is up, that of all others is normal to the plane
+        # The z axis of the swing points up; those of the other bodies are normal to the plane.
+        if self.carrier == "swing":
             at = UPRIGHT * shift(self.foot)
         else:
             at = shift(self.foot)
@@ -149,33 +161,42 @@ class _Cylinder:
 
 @dataclass(frozen=True)
 class _ExcavatorArm:
-    """The arm of an excavator: boom, arm and bucket in series; rocker and link turn the bucket.
+    """The geometry of an excavator's arm, and its inverse kinematics.
 
-    The x axis of each of these bodies runs along its length from its first pin, which is its
-    origin.
+    A swing turns about the vertical and carries boom, arm and bucket in series. The rocker turns on
+    the arm, and the link connects the end of the rocker with the bucket. Each of these bodies has
+    its origin at its first pin, and x along its length.
+
+    Attributes:
+        boom, arm, bucket, rocker, link: Lengths, [m].
+        boom_pin: The pin of the boom on the swing.
+        rocker_pin: The pin of the rocker on the arm.
+        link_pin: The pin of the link on the bucket.
+        boom_cylinder: It drives the boom, from the swing.
+        arm_cylinder: It drives the arm, from the boom.
+        bucket_cylinder: It drives the rocker, and so the bucket, from the arm.
     """
 
-    #: Lengths, [m].
     boom: float
     arm: float
     bucket: float
     rocker: float
     link: float
-    #: The pin of the boom on the swing, of the rocker on the arm, of the link on the bucket.
     boom_pin: _Point
     rocker_pin: _Point
     link_pin: _Point
-    #: Cylinders that drive boom, arm and rocker.
     boom_cylinder: _Cylinder
     arm_cylinder: _Cylinder
     bucket_cylinder: _Cylinder
 
     def joints(self, pose: pin.SE3) -> Joints:
         """Inverse kinematics in closed form: all joints for a pose of the bucket's tip."""
-        # The swing turns the plane of the arm to the tip; then all is planar.
+        # The swing turns the plane of the arm to the tip. From here on all is in this plane, with
+        # the origin at the boom's pin.
         swing = angle_of(pose.translation)
         tip = (planar(0, 0, swing) * UPRIGHT * shift(self.boom_pin)).actInv(pose)
-        # Boom and arm are a two-link arm to the pin of the bucket; the bucket has the rest.
+        # Boom and arm are a two-link arm to the pin of the bucket. The bucket turns by the rest of
+        # the tip's angle.
         bucket_pin = tip.act(np.array([-self.bucket, 0, 0]))
         boom, arm = two_link(bucket_pin, self.boom, self.arm, elbow=-1)
         bucket = float(in_one_turn(angle_about_z(tip.rotation) - boom - arm))
