@@ -24,7 +24,7 @@ from .continuity import Continuity, Path
 from .coordinate_choice import choose_coordinates
 from .examples import AROUND_HOME, examples
 from .finite_motions import finite_motions, has_accelerations
-from .guesses import displacement, home_of
+from .guesses import home_of, random_step
 from .loops import Loops
 from .massless_rates import massless_rates
 from .mobility import motor_rates
@@ -177,7 +177,7 @@ def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
     allowed_here = free_motions(Phi)
     if has_accelerations(assembly, Phi, allowed_here):
         return no_rates
-    guess = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
+    guess = pin.integrate(mechanism.model, q, random_step(mechanism, _BESIDE))
     try:
         beside = assembly.near(guess, fixed)
     except ClosureError:
@@ -203,7 +203,7 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
     limit = min(_POORER * continuity.condition_number(home), MAX_CONDITION_NUMBER)
     for width in AROUND_HOME:
         for fixed in (mechanism.driven, coordinates):
-            path = _path_from(assembly, home, displacement(mechanism, width), fixed)
+            path = _path_from(assembly, home, random_step(mechanism, width), fixed)
             with suppress(ClosureError):
                 fraction, q = continuity.follow(home, path, limit, looks=_LOOKS)
                 if fraction == 1:

@@ -9,7 +9,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import ClosureError
 from .assembly import Assembly
-from .guesses import displacement, home_of
+from .guesses import home_of, random_step
 
 #: Widths of the random displacements from home, [rad] or lengths of the loop.
 AROUND_HOME = (0.1, 0.03, 0.01)
@@ -51,7 +51,7 @@ def _assembled(
     """Configurations assembled from random displacements of a start; adds errors to `failures`."""
     mechanism = assembly.mechanism
     for width in widths:
-        guess = pin.integrate(mechanism.model, start, displacement(mechanism, width))
+        guess = pin.integrate(mechanism.model, start, random_step(mechanism, width))
         try:  # with the motors fixed, assemblies are found in which they hold the robot
             q = assembly.near(guess, mechanism.driven)
         except ClosureError as error:

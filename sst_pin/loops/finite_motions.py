@@ -19,7 +19,7 @@ from ..errors import ClosureError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
 from .assembly import Assembly
-from .guesses import displacement
+from .guesses import random_step
 from .ranks import free_motions, rank_of, scaled_Phi
 
 #: Lengths of the steps along rates, [rad] or lengths of the loop. Shorter ones are tried if the
@@ -67,7 +67,7 @@ def _random_basis(mechanism: Mechanism, rates: Array) -> Array:
     of joints, are projected on it.
     """
     count = rates.shape[1]
-    random = [displacement(mechanism, 1 + k / 100) / mechanism.rate_scale for k in range(count)]
+    random = [random_step(mechanism, 1 + k / 100) / mechanism.rate_scale for k in range(count)]
     basis, _ = np.linalg.qr(rates @ (rates.T @ np.transpose(random)))
     return np.asarray(basis)
 
@@ -84,7 +84,7 @@ def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
     null_space = U[:, rank_of(sizes) :]
     if not null_space.shape[1] or not motions.shape[1]:
         return True
-    v = motions @ (motions.T @ (displacement(mechanism, 1.0) / mechanism.rate_scale))
+    v = motions @ (motions.T @ (random_step(mechanism, 1.0) / mechanism.rate_scale))
     v /= np.linalg.norm(v)
     drift = loops.drift(v * mechanism.rate_scale) * mechanism.row_scale  # Phi_dot v
     bound = INCONSISTENT * CLOSURE_TOLERANCE * sizes.max(initial=1.0)

@@ -43,7 +43,7 @@ from ..model.tree import frame_id
 from ..progress import announced
 from ..summaries import listed
 from .assembly import Assembly
-from .guesses import displacement, home_of
+from .guesses import home_of, random_step
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
@@ -286,7 +286,7 @@ class _Robot:
         The same width always gives the same displacement, another width another direction.
         """
         step = np.zeros(self.mechanism.model.nv)
-        step[rates] = displacement(self.mechanism, width)[rates]
+        step[rates] = random_step(self.mechanism, width)[rates]
         q = pin.integrate(self.mechanism.model, q, step)
         return self._assembly.closer(q, rates, ROUNDED_PLACEMENTS)
 
@@ -301,7 +301,7 @@ class _Robot:
         model = self.mechanism.model
         scale = self.mechanism.rate_scale[rates]
         q = self._assembly.closer(q, rates)
-        random = displacement(self.mechanism, 1.0)[rates] / scale  # free of units
+        random = random_step(self.mechanism, 1.0)[rates] / scale  # free of units
         for _ in range(_MOTION_STEPS):
             if self.gap(q, part):
                 return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Configurations that an assembly starts from: home, and random displacements."""
+"""Configurations that an assembly starts from: home, and random steps from a configuration."""
 
 from functools import lru_cache
 from zlib import crc32
@@ -27,11 +27,12 @@ def home_of(mechanism: Mechanism) -> Array | None:
     raise DescriptionError(f"model {model.name}", [problem])
 
 
-def displacement(mechanism: Mechanism, width: float) -> Array:
-    """A random displacement of all joints, up to 1.5 `width`, shape (nv,).
+def random_step(mechanism: Mechanism, width: float) -> Array:
+    """A random step of all joints, at most 1.5 `width` for each rate, shape (nv,), [rad] or [m].
 
-    Each joint's displacement depends on the width and on the joint's name only, so the result does
-    not depend on the order of the joints. `width` is in [rad], or in lengths of the loop.
+    The step of a joint depends on the width and on the joint's name only, so the result does not
+    depend on the order of the joints. Widths that differ by 0.001 or more give other directions.
+    `width` is in [rad], or in lengths of the loop.
     """
     step = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
