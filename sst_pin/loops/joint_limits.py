@@ -42,15 +42,15 @@ class JointLimits:
         return self._distances_ahead(q, rates, step) > _AT_LIMIT
 
     def fraction_to_limit(self, q: Array, rates: Indices, step: Array) -> float:
-        """The fraction of a step that reaches the first limit, at most 1."""
+        """The fraction of a step at which the first joint reaches its limit, at most 1."""
         moving = step != 0
         distances = self._distances_ahead(q, rates, step)[moving]
         return float((distances / np.abs(step[moving])).min(initial=1.0))
 
     def require_within(self, q: Array) -> None:
-        """Raise an error for joints outside their limits, and for empty ranges.
+        """Raise an error if joints are outside their limits, or if their ranges are empty.
 
-        `clipped` has moved the joints that are free, so only fixed joints can be outside.
+        q is a result of `clipped`: only fixed joints, or those with empty ranges, can be outside.
         """
         nearest = self._distances(q).min(axis=0)
         outside = nearest < 0
@@ -75,7 +75,7 @@ class JointLimits:
         return np.where(step < 0, to_lower, to_upper)
 
     def _distances(self, q: Array) -> Array:
-        """Distances to the lower and to the upper limits, [rad] or lengths, shape (2, nv).
+        """Distances to the lower and the upper limits, [rad] or lengths of the loop, shape (2, nv).
 
         They are negative outside the limits, and infinite for joints of several coordinates.
         """
@@ -86,4 +86,5 @@ class JointLimits:
         return distances / self._mechanism.rate_scale
 
     def _names(self, chosen: Flags) -> str:
+        """Names of the rates that are chosen, in words."""
         return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
