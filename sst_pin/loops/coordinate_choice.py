@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Chooses independent rates that describe all motions."""
+"""Chooses independent rates that describe all motions, by Gram-Schmidt's method."""
 
 from collections.abc import Iterable, Sequence
 
@@ -10,8 +10,8 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, RESTS
 from .ranks import free_motions
 
-#: Rates whose independent parts differ by less, relative to the largest, are equally good: parts of
-#: legs that are alike differ by the rounding of placements and of the configuration, and then the
+#: Rates are equally good if their independent parts differ by less than this fraction. Those of
+#: equal legs differ by the rounding of placements and of the configuration only, so that their
 #: names must decide.
 _EQUAL = 1e-6
 
@@ -24,10 +24,19 @@ def choose_coordinates(
 ) -> Indices:
     """Indices of independent rates that describe all motions, those wanted first.
 
-    The order is: the groups `wanted`, each as a whole; rates of motors; joints outside the loops,
-    each as a whole, such as the base of a floating robot; then the rate whose motion has the
-    largest part independent of those chosen. Names decide ties. Phi is that of `scaled_Phi`; the
-    motions are by default all that it allows.
+    In this order, rates are chosen if they are independent of those chosen before:
+
+    1. the groups `wanted`, each as a whole;
+    2. rates of motors;
+    3. joints outside the loops, each as a whole, such as the base of a floating robot;
+    4. the rate with the largest part that is independent of those chosen, again and again. Names
+       decide between equal ones.
+
+    Args:
+        mechanism: The mechanism.
+        Phi: The result of `scaled_Phi`.
+        wanted: Groups of indices in v.
+        motions: Orthonormal motions, free of units, shape (nv, n); by default all that Phi allows.
     """
     space = mechanism.space
     choice = _Choice(free_motions(Phi) if motions is None else motions)
@@ -58,10 +67,11 @@ class _Choice:
 
     def __init__(self, motions: Array) -> None:
         self.rates = list[int]()
-        #: As v = motions @ x, row k of the motions is the gradient of rate k by x. The projections
-        #: on the gradients of the rates that are chosen are subtracted.
+        #: As v = motions @ x, row k of the motions is the gradient of rate k by x. Rates are
+        #: independent if their gradients are. The parts along the gradients of the rates that are
+        #: chosen have been subtracted, shape (nv, n).
         self._gradients = motions
-        #: Sizes of the gradients before that.
+        #: Lengths of the whole gradients, shape (nv,).
         self._sizes = np.linalg.norm(motions, axis=1)
 
     @property
@@ -71,7 +81,7 @@ class _Choice:
 
     @property
     def equally_best(self) -> list[int]:
-        """The rates with the largest independent parts; several if their parts are equal."""
+        """The rates with the largest independent parts; several if these are equal."""
         sizes = np.linalg.norm(self._gradients, axis=1)
         best: list[int] = np.flatnonzero(sizes > (1 - _EQUAL) * sizes.max()).tolist()
         return best
@@ -85,7 +95,7 @@ class _Choice:
         for rate in rates:
             size = float(np.linalg.norm(gradients[rate]))
             if self._sizes[rate] < RESTS or size < INDEPENDENT * self._sizes[rate]:
-                return False  # it is always zero, or follows from those already chosen
+                return False  # the rate is always zero, or follows from those already chosen
             direction = gradients[rate] / size
             gradients = gradients - np.outer(gradients @ direction, direction)
         self._gradients = gradients
