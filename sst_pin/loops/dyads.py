@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Dyads: planar loops that two joints close: a hinge, and another hinge or a slide.
 
-Points of the plane are complex numbers, relative to the centre h of the hinge. The closure brings
-two points together: r, which the hinge turns about h, and s on its other frame. The other joint
+The closure brings two points together: r, which the hinge turns about its centre h, and s, the
+point on the other frame of the closure. Both are complex numbers in the plane, relative to h. The
+other joint
 
-- moves s, if it carries the other frame;
-- moves r, if it carries the same frame as the hinge and comes after the hinge;
-- moves h and r together, if it comes before the hinge. Relative to h, r stays where it is, and s
-  moves in the opposite way.
+- moves s, if it carries the frame of s;
+- moves r, if it carries the frame of r and comes after the hinge in the tree;
+- moves h and r together, if it carries the frame of r and comes before the hinge. Relative to h, r
+  stays where it is, and s moves by the opposite motion.
 
-So it moves one of the two points relative to h. The loop closes where |r| = |s|: there a turn of
-the hinge by the angle of s / r brings r to s. There are up to two such positions.
+So in each case it moves one of the two points relative to h, until |r| = |s|. Then a turn of the
+hinge by the angle of s / r brings r to s. There are up to two such positions of the other joint.
+
+`dyad_configurations` is the main function. `_dyad` recognises a dyad, and `_Dyad.closing_moves`
+solves it, by a triangle (`_Turn`) or a right triangle (`_Shift`).
 """
 
 from __future__ import annotations
@@ -25,17 +29,19 @@ from ..model.closures import Closure, Constraint, holds_points
 from ..model.tree import frame_id
 from .loops import Loops
 
-#: Directions and cosines that differ by less are equal, and so are points, in robot lengths. They
-#: differ by rounding of placements, some 1e-15; files with fewer digits are searched from starts.
+#: Directions and cosines that differ by less are equal, and so are lengths, relative to others of
+#: the dyad. Exact ones differ by rounding, some 1e-15. Loops of files with fewer digits are no
+#: dyads; they are solved from random starts.
 _EQUAL = 1e-9
 
 
 def dyad_configurations(
     loops: Loops, closure: Constraint, rates: Indices, q: Array
 ) -> list[Array] | None:
-    """Configurations in which two joints close a loop, the others held; None if it is no dyad.
+    """Configurations in which two joints close a loop; None if the loop is no dyad.
 
-    `rates` are those of the two joints. The positions of these joints in q do not matter.
+    `rates` are the indices in v of the two joints. The other joints keep their positions in q. The
+    positions of the two joints in q do not matter.
     """
     dyad = _dyad(loops, closure, rates, q)
     if dyad is None:
@@ -64,12 +70,12 @@ class _Dyad(NamedTuple):
 
     Attributes:
         entry_of_hinge: Index of the position of the hinge in q.
-        entry_of_other: Index of that of the other joint.
+        entry_of_other: Index of the position of the other joint in q.
         r: The point that the hinge turns, relative to its centre h.
         s: The point on the other frame, relative to h.
         other_moves_r: Whether the other joint moves r relative to h; else it moves s.
-        other_motion: How it moves this point.
-        sense: 1 if the point moves in the positive sense of the other joint, else -1.
+        other_motion: How the other joint moves this point.
+        sense: 1 if a positive rate of the other joint makes this motion positive, else -1.
     """
 
     entry_of_hinge: int
@@ -81,7 +87,10 @@ class _Dyad(NamedTuple):
     sense: float
 
     def closing_moves(self) -> list[_Moves] | None:
-        """Moves that close the loop: |r| = |s|, then the hinge turns r to s; None if no dyad."""
+        """Moves of both joints that close the loop; None if it is no dyad.
+
+        The other joint moves until |r| = |s|. Then the hinge turns r to s.
+        """
         r = self.r
         s = self.s
         if self.other_moves_r:
@@ -107,11 +116,11 @@ def _dyad(loops: Loops, closure: Constraint, rates: Indices, q: Array) -> _Dyad 
     if not isinstance(closure, Closure) or not holds_points(closure):
         return None
     joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
-    if [(joint.nq, joint.nv) for joint in joints] != [(1, 1), (1, 1)]:
+    if len(joints) != 2 or any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         return None
     loops.evaluate(q)
     J = loops.data.J.reshape(6, -1) @ tree.S
-    twists = J[:, rates].T
+    twists = J[:, rates].T  # of the two joints at unit speed, in rows
     linear = twists[:, :3]
     angular = twists[:, 3:]
     plane = _plane(linear, angular)
@@ -126,6 +135,8 @@ def _dyad(loops: Loops, closure: Constraint, rates: Indices, q: Array) -> _Dyad 
     frame_b = frame_id(model, closure.frame_b)
     point_a = _in_plane(plane, loops.data.oMf[frame_a].translation) - h
     point_b = _in_plane(plane, loops.data.oMf[frame_b].translation) - h
+    # Which rates of the model move frame B, shape (nv,): those with a rate of the normal tree that
+    # moves its body.
     moves_b = tree.supports[tree.model.frames[frame_b].parentJoint] @ tree.S > 0
     hinge_moves_b = moves_b[rates[hinge]]
     if hinge_moves_b:
@@ -143,9 +154,10 @@ def _dyad(loops: Loops, closure: Constraint, rates: Indices, q: Array) -> _Dyad 
     else:
         other_motion = _Shift(_in_plane(plane, linear[other]))
         sense = 1.0
+    # Each joint moves one of the two frames: both move the same one if both or none move B.
     is_on_same_side = hinge_moves_b == moves_b[rates[other]]
     if is_on_same_side and other < hinge:
-        sense = -sense  # it moves h and r; relative to h, s moves in the opposite way
+        sense = -sense  # it moves h and r; relative to h, s moves by the opposite motion
     return _Dyad(
         entry_of_hinge=joints[hinge].idx_q,
         entry_of_other=joints[other].idx_q,
@@ -167,19 +179,21 @@ def _centre(plane: Array, twist: Array) -> complex:
 
 
 def _plane(linear: Array, angular: Array) -> Array | None:
-    """The plane, shape (2, 3), in which joints with these twists move, one or both of them hinges.
+    """The plane, shape (2, 3), in which two joints move, at least one of them a hinge; or None.
 
-    Its rows are orthonormal vectors; a turn about the first hinge is one from the first row to the
-    second. None if the joints do not move in a plane.
+    Its rows are orthonormal vectors. A positive turn of the first hinge goes from the first row to
+    the second one. The twists [linear; angular] of the joints at unit speed are in rows.
     """
     turns = np.linalg.norm(angular, axis=1)  # 1 for hinges, 0 for slides
     n = angular[0] if turns[0] else angular[1]
-    not_unit = turns - turns.round()
+    # Numbers that are zero for hinges parallel to n and slides normal to n.
+    not_unit = turns - turns.round()  # not of joints that mimic joints follow
     not_parallel = np.cross(n, angular).ravel()
-    # Screws have a velocity along their own axis, slides out of the plane one along n.
-    out_of_plane = np.where(turns > 0, np.vecdot(linear, angular), linear @ n)
-    off = np.abs(np.concatenate([not_unit, out_of_plane, not_parallel])).max()
-    if not n.any() or off > _EQUAL:
+    along_axis = np.vecdot(linear, angular)  # of screws
+    along_n = linear @ n  # of slides
+    out_of_plane = np.where(turns > 0, along_axis, along_n)
+    largest = np.abs(np.concatenate([not_unit, out_of_plane, not_parallel])).max()
+    if not n.any() or largest > _EQUAL:
         return None
     plane = np.linalg.svd(n[None])[2][1:]
     plane[1] *= np.linalg.det([n, *plane])  # 1 or -1: n, first and second row are right-handed
@@ -202,27 +216,28 @@ class _Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class _Turn:
-    """Turns about a centre."""
+    """Turns about a centre, which is relative to h."""
 
     centre: complex
 
     def to_distance(self, p: complex, distance: float) -> list[_Solution] | None:
-        """Turns that bring a point p to a distance from 0.
+        """Turns that bring a point p to a distance from h, which is 0 here.
 
-        None if a point is on the axis of its hinge, which does not move it: then there is no dyad.
+        None if a point is on the axis of the hinge that should move it: then there is no dyad.
         """
         arm = p - self.centre
         to_centre = abs(self.centre)
         on_axis = min(abs(arm), to_centre) <= _EQUAL * distance
         if on_axis or distance <= _EQUAL * abs(p):
             return None
-        # The triangle with the sides |centre|, |arm| and the distance; the law of cosines.
+        # |centre + arm| must be the distance, where the turned arm has an angle to the centre:
+        # distance^2 = |centre|^2 + |arm|^2 + 2 |centre| |arm| cos(angle).
         cosine = (distance**2 - to_centre**2 - abs(arm) ** 2) / (2 * to_centre * abs(arm))
         if abs(cosine) > 1 + _EQUAL:
             return []
-        # The arm must have this angle to the direction of the centre.
         angle = np.arccos(np.clip(cosine, -1, 1))
-        turns = [sign * angle - np.angle(arm / self.centre) for sign in (-1, 1)]
+        angle_now = np.angle(arm / self.centre)
+        turns = [sign * angle - angle_now for sign in (-1, 1)]
         return [_Solution(turn, self.centre + np.exp(1j * turn) * arm) for turn in turns]
 
 
@@ -233,14 +248,19 @@ class _Shift:
     direction: complex
 
     def to_distance(self, p: complex, distance: float) -> list[_Solution] | None:
-        """Shifts that bring a point p to a distance from 0; None as for turns."""
+        """Shifts that bring a point p to a distance from h, which is 0 here.
+
+        None if the other point is on the axis of the hinge, so that the distance is zero.
+        """
         if distance <= _EQUAL * abs(p):
             return None
-        to_middle = -(p * self.direction.conjugate()).real  # where the point is nearest to 0
-        middle = p + to_middle * self.direction
-        square = distance**2 - abs(middle) ** 2
+        # The shift to the point of the line that is nearest to h, the foot of the normal. The
+        # solutions are at equal distances on both sides of it.
+        to_foot = -(p * self.direction.conjugate()).real
+        foot = p + to_foot * self.direction
+        square = distance**2 - abs(foot) ** 2
         if square < -_EQUAL * distance**2:
             return []
         half = np.sqrt(max(square, 0.0))
-        shifts = [to_middle - half, to_middle + half]
+        shifts = [to_foot - half, to_foot + half]
         return [_Solution(shift, p + shift * self.direction) for shift in shifts]
