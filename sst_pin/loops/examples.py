@@ -11,9 +11,9 @@ from ..errors import ClosureError
 from .assembly import Assembly
 from .guesses import home_of, random_step
 
-#: Widths of the random displacements from home, [rad] or lengths of the loop.
+#: Widths of the random steps from home, [rad] or lengths of the loop.
 AROUND_HOME = (0.1, 0.03, 0.01)
-#: Widths of the random displacements from `pin.neutral`, [rad] or lengths of the loop.
+#: Widths of the random steps from `pin.neutral`, [rad] or lengths of the loop.
 _AROUND_NEUTRAL = np.linspace(0.1, 2.0, 20).tolist()
 #: The cure if no guess can be assembled.
 _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
@@ -22,8 +22,8 @@ _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigura
 def examples(assembly: Assembly) -> Iterator[Array]:
     """Assembled configurations without symmetry, the same at each call.
 
-    They are near `home`; near `pin.neutral` if there is no home or no loops close near it. The
-    error is that of the best guess.
+    They are near `home`, or near `pin.neutral` if there is no home or the loops do not close near
+    it. If no guess can be assembled, the error is that of the guess with the smallest gap.
     """
     mechanism = assembly.mechanism
     home = home_of(mechanism)
@@ -40,19 +40,19 @@ def examples(assembly: Assembly) -> Iterator[Array]:
         if any_example:
             return
     nearest = min(failures, key=lambda error: error.residual)
-    # Another cure replaces that of the error, which stands after the semicolon.
-    open_by, _, _ = nearest.args[0].partition(";")
-    raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
+    # The message of an assembly ends with its cures, after a semicolon. They do not help here.
+    problem, _, _ = nearest.args[0].partition(";")
+    raise ClosureError(f"{problem}; {_GIVE_ONE}", nearest.residual)
 
 
 def _assembled(
     assembly: Assembly, start: Array, widths: Sequence[float], failures: list[ClosureError]
 ) -> Iterator[Array]:
-    """Configurations assembled from random displacements of a start; adds errors to `failures`."""
+    """Configurations assembled near a start, one for each width; adds errors to `failures`."""
     mechanism = assembly.mechanism
     for width in widths:
         guess = pin.integrate(mechanism.model, start, random_step(mechanism, width))
-        try:  # with the motors fixed, assemblies are found in which they hold the robot
+        try:  # with the motors held, so that they hold the robot in the assembly if they can
             q = assembly.near(guess, mechanism.driven)
         except ClosureError as error:
             failures.append(error)
