@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The rows of the closures in Phi: where they are, and which rates they depend on.
+"""The rows of the closures in f and Phi: where they are, and which rates they depend on.
 
-`FrameRows` are rows of a closure of two frames, with their formulas, `CouplingRow` is that of
-coupled joints, and `BrakeRow` that of a joint that is held. They hold what does not depend on the
-configuration; `Loops` evaluates them.
+An object of this module stands for the rows of one closure, or of a part of one:
+
+- `FrameRows`: rows of a closure of two frames, with their formulas; `ExtendedRodRow` is a special
+  case;
+- `CouplingRow`: the row of coupled joints;
+- `BrakeRow`: the row of a joint that a brake holds.
+
+`rows_of` makes them. They store what does not depend on the configuration; `Loops` evaluates them.
 
 Phi is computed on the normal tree (`NormalTree`), whose rates are S v for the rates v of the model.
-J, shape (6, rates), has the twist [v; omega] at the world's origin that each rate of the normal
-tree gives at unit speed to all bodies that it moves.
+Column k of J, shape (6, rates of the normal tree), is the twist [v; omega], at the world's origin,
+of all bodies that rate k of the normal tree moves, at unit speed.
 """
 
 from abc import ABC, abstractmethod
@@ -47,17 +52,18 @@ class FrameRows:
         name_a, name_b = frames_of(closure)
         self.frames = [frame_id(tree.model, name_b), frame_id(tree.model, name_a)]
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
-        # `supports`, shape (joints, rates), says which rates move the body of a joint.
+        # Which rates of the normal tree move B, and which move A, shapes (rates,).
         moves_b, moves_a = tree.supports[self.bodies]
-        #: 1 for each rate of the normal tree that moves B, or A, else 0, shape (2, rates).
-        self._carries = np.array([moves_b, moves_a], dtype=float)
+        #: The same as numbers 1 and 0, for B and A, shape (2, rates).
+        self._moves = np.array([moves_b, moves_a], dtype=float)
 
         # The path between the frames: indices of the rates of the normal tree that move only one of
         # them. Others move both as one body, and do not change f.
         self._path = np.flatnonzero(moves_b != moves_a)
         S_of_path = tree.S[self._path]
-        #: S for the rates of the path that move B, or A; other rows are 0, shape (2, path, nv).
-        self._S_of_frames = self._carries[:, self._path, None] * S_of_path
+        #: The rows of S for the path, for B and A; 0 for rates that do not move B, or A. Shape
+        #: (2, rates of the path, nv).
+        self._S_of_frames = self._moves[:, self._path, None] * S_of_path
         self.touched: Flags = S_of_path.any(axis=0)
         self.curved = self.touched
 
@@ -70,13 +76,16 @@ class FrameRows:
         return W.dot(self.jacobians(J))
 
     def twists(self, twists_of_rates: Array) -> Array:
-        """Twists of B and A, shape (2, 6): sums of the twists, shape (rates, 6), of their rates."""
-        return self._carries.dot(twists_of_rates)
+        """Twists of B and A, shape (2, 6), from the twists of all rates, shape (rates, 6).
+
+        The twist of a frame is the sum of the twists of the rates that move it.
+        """
+        return self._moves.dot(twists_of_rates)
 
     def jacobians(self, J: Array) -> Array:
         """[J_B; J_A], shape (12, nv): twists of B and A by rates of the model.
 
-        Only motions of the path between the frames are in them, as others do not change f.
+        Only the rates of the path between the frames count, as others do not change f.
         """
         J_of_path = J.take(self._path, axis=1)
         return (J_of_path @ self._S_of_frames).reshape(12, -1)
@@ -85,7 +94,8 @@ class FrameRows:
 class ExtendedRodRow(FrameRows):
     """The row of a rod that joints extend: f = |AB| - length - sum of q_j; see `FrameRows`.
 
-    The joints add constant entries -1 to Phi. So `curved`, and W_dot, are those of other rods.
+    The joints q_j add constant entries -1 to Phi. So `curved` and the rate of Phi are those of a
+    rod of constant length.
     """
 
     def __init__(
@@ -116,12 +126,14 @@ class ExtendedRodRow(FrameRows):
 
 @dataclass(frozen=True)
 class CoupledJoint:
-    """A joint of a coupling, and the polynomial P of its coordinate in f.
+    """A joint of a coupling, and the polynomial P of its coordinate, a term of f.
 
     Attributes:
         entry: Index of its coordinate in q.
         rate: Index of its rate in v.
-        P, P_1, P_2: The polynomial and its first two derivatives.
+        P: The polynomial.
+        P_1: Its first derivative, P'.
+        P_2: Its second derivative, P''.
     """
 
     entry: int
@@ -132,7 +144,7 @@ class CoupledJoint:
 
 
 class JointRow(ABC):
-    """The row of a closure of joints, which depends on their positions only.
+    """The row of a coupling or of a brake, which depends on the positions of joints only.
 
     Attributes:
         at: Where the row is in Phi.
@@ -166,7 +178,8 @@ class CouplingRow(JointRow):
     def __init__(self, model: pin.Model, coupling: Coupling, at: slice) -> None:
         super().__init__(model, at)
         self._offset = coupling.offset
-        # joint = offset + sum of the polynomials of the other joints
+        # The coupling is: joint = offset + sum of the polynomials of the other joints. So f has the
+        # polynomial q for the joint, and minus the others.
         polynomials = {coupling.joint: Polynomial([0.0, 1.0])}
         for name, coefficients in coupling.polynomials.items():
             polynomials[name] = -Polynomial(coefficients)
@@ -224,9 +237,12 @@ class BrakeRow(JointRow):
 def rows_of(
     model: pin.Model, tree: NormalTree, closures: Sequence[Constraint]
 ) -> list[FrameRows | JointRow]:
-    """The rows of all closures of a model with this normal tree, in the order of the closures."""
+    """The rows of all closures of a model with this normal tree, in the order of the closures.
+
+    A closure of two frames has one or two `FrameRows`: as many as sets of formulas.
+    """
     all_rows: list[FrameRows | JointRow] = []
-    first = 0  # the row of Phi that is next
+    first = 0  # the first row in Phi of the next closure
     for closure in closures:
         if isinstance(closure, Coupling):
             all_rows.append(CouplingRow(model, closure, slice(first, first + 1)))
