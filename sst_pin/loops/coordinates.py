@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The choice of the coordinates, when a robot is made.
 
-It does not depend on the order of the joints or on units: the random displacement of a joint
-depends on its name, and names decide ties.
+1. `_choose` finds a closed configuration, home if possible, and chooses independent rates there.
+2. It then goes to an *example*: a closed configuration without symmetry, near home and in its
+   assembly mode. Ranks and sizes that hold in general are judged there.
+3. `with_chosen_coordinates` stores both in the mechanism, and warns of what cannot move.
+
+The choice does not depend on the order of the joints or on units: random steps depend on the names
+of the joints, and names decide ties.
 """
 
 from contextlib import suppress
@@ -30,39 +35,43 @@ from .massless_rates import massless_rates
 from .mobility import motor_rates
 from .ranks import free_motions, scaled_Phi
 
-#: Largest condition number near home, in multiples of that at home.
+#: Largest condition number at the example, in multiples of that at home.
 _POORER = 10.0
-#: Configurations to look at if the motors are too few.
+#: Number of configurations that are examined if the motors are too few everywhere.
 _FEW = 3
-#: Most configurations on the path from home.
+#: Largest number of configurations on the path from home to the example. The last three numbers are
+#: choices. If no path is found, home itself is the example.
 _LOOKS = 30
 #: Home is singular if Phi has a higher rank at this distance, [rad] or lengths of the loop.
-#: Singular values that vanish only at home are of about this size there.
 _BESIDE = 1e-3
-#: Smaller singular values count as zero there, relative to the largest or to one. Those that vanish
-#: everywhere are at most the square root of rounding, by which the closures fix such a pose.
+#: Singular values of Phi beside home below this part of the largest, or of one, count as zero.
+#: Those that vanish only at home are about `_BESIDE` there. Those that vanish everywhere are
+#: rounding, or at most its square root, 1e-8, where the closures hold a joint at second order.
 _REGULAR = 1e-5
 
 
 class _Choice(NamedTuple):
-    """Indices in v of the coordinates, and a configuration of their assembly mode, or None."""
+    """Indices in v of the coordinates, and the example, shape (nq,), or None."""
 
     coordinates: Indices
     example: Array | None
 
 
-class _Motions(NamedTuple):
-    """A closed configuration, shape (nq,), and the motions from it, shape (nv, freedoms)."""
+class _Pose(NamedTuple):
+    """A closed configuration, shape (nq,), and the motions from it, shape (nv, freedoms).
+
+    The motions are those of `finite_motions`: orthonormal rates, free of units.
+    """
 
     q: Array
     motions: Array
 
 
 def with_chosen_coordinates(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with its coordinates chosen, and with what is judged at an example.
+    """The mechanism with coordinates, the example, and what is judged there.
 
-    Coordinates that it has already are kept. The example is a closed configuration without
-    symmetry. Without one, only the coordinates are added.
+    Coordinates that it has already are kept. Judged at the example are the sizes of the rows of Phi
+    and the rates that move no mass. If no loops can be closed, only the coordinates are added.
 
     Warns:
         DescriptionWarning: If home is singular, or if motors cannot move.
@@ -77,7 +86,7 @@ def with_chosen_coordinates(mechanism: Mechanism) -> Mechanism:
         return replace(mechanism, coordinates=coordinates)
     motions = finite_motions(assembly, q)
     Phi = scaled_Phi(mechanism, loops, q)
-    allowed = free_motions(Phi)
+    allowed = free_motions(Phi)  # rates with Phi v = 0, which may lead to no other pose
     if allowed.shape[1] > motions.shape[1]:
         _warn_of_shaking(mechanism, allowed, motions)
     else:
@@ -95,10 +104,10 @@ def with_chosen_coordinates(mechanism: Mechanism) -> Mechanism:
 def _choose(assembly: Assembly, wanted: Indices | None) -> _Choice:
     """The coordinates and the example.
 
-    The order of preference: the coordinates `wanted`; the motors' joints, as many as are
-    independent; other joints by rank. They are judged at home. If home is missing or singular,
-    nearby configurations are tried, and the one where the motors hold most degrees of freedom is
-    used. If nothing can be assembled, the coordinates are the motors' joints.
+    The coordinates are those wanted, if there are any; else the motors' joints, as many as are
+    independent, and other joints if these are too few. They are judged at home. If home is missing
+    or singular, they are judged at the configuration among several where the motors hold most
+    degrees of freedom. If nothing can be assembled, they are the motors' joints.
     """
     mechanism = assembly.mechanism
     preferred = mechanism.driven if wanted is None else wanted
@@ -113,12 +122,12 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> _Choice:
     return _Choice(_coordinates_at(assembly, best, wanted), best.q)
 
 
-def _coordinates_at(assembly: Assembly, at: _Motions, wanted: Indices | None) -> Indices:
-    """The coordinates wanted, else those that describe the motions from a configuration."""
+def _coordinates_at(assembly: Assembly, pose: _Pose, wanted: Indices | None) -> Indices:
+    """The coordinates wanted, else those that describe the motions from a pose."""
     if wanted is not None:
         return wanted
-    Phi = scaled_Phi(assembly.mechanism, assembly.loops, at.q)
-    return choose_coordinates(assembly.mechanism, Phi, motions=at.motions)
+    Phi = scaled_Phi(assembly.mechanism, assembly.loops, pose.q)
+    return choose_coordinates(assembly.mechanism, Phi, motions=pose.motions)
 
 
 def _are_of_brakes(mechanism: Mechanism) -> Flags:
@@ -131,7 +140,7 @@ def _are_of_brakes(mechanism: Mechanism) -> Flags:
 
 
 def _row_sizes(loops: Loops, Phi: Array) -> Array:
-    """Lengths of the rows of Phi, which is free of units; 0 for rows that are constant."""
+    """Lengths of the rows of Phi, free of units, shape (rows,); 0 for rows that are constant."""
     sizes = np.linalg.norm(Phi, axis=1)
     for coupling in loops.couplings:
         if not coupling.curved.any():
@@ -142,11 +151,11 @@ def _row_sizes(loops: Loops, Phi: Array) -> Array:
 # --- at home ------------------------------------------------------------------------------------
 
 
-def _home(assembly: Assembly, fixed: Indices) -> _Motions | None:
-    """Home with closed loops and the motions from it; None without a regular home.
+def _home(assembly: Assembly, fixed: Indices) -> _Pose | None:
+    """Home with closed loops; None if it is missing, cannot be closed, or is singular.
 
-    There is none if it is missing, cannot be closed, or if motions branch at home, so that Phi has
-    a lower rank there than beside it. The rates `fixed` are held while the loops are closed.
+    Home is singular if motions branch there, so that Phi has a lower rank than beside it. The rates
+    `fixed` are held while the loops are closed.
     """
     mechanism = assembly.mechanism
     q = home_of(mechanism)
@@ -162,13 +171,13 @@ def _home(assembly: Assembly, fixed: Indices) -> _Motions | None:
         if only_here.shape[1]:
             _warn_of_singular_home(mechanism, only_here)
             return None
-    return _Motions(q, motions)
+    return _Pose(q, motions)
 
 
 def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
-    """Rates that Phi allows at a closed q but not beside it, as motions branch, shape (nv, k).
+    """Rates that Phi allows at a closed q but not beside it, where motions branch, shape (nv, k).
 
-    `fixed` are the rates that are held on the way to the pose beside it.
+    The rates are free of units. The rates `fixed` are held on the way to the pose beside q.
     """
     mechanism = assembly.mechanism
     loops = assembly.loops
@@ -185,16 +194,19 @@ def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
     _, sizes, Vt = np.linalg.svd(scaled_Phi(mechanism, loops, beside))
     rank = np.count_nonzero(sizes > _REGULAR * sizes.max(initial=1.0))
     allowed_beside = Vt[rank:].T
-    # The cosines of the angles between both spaces of rates come in decreasing order: first those
-    # of rates that are allowed in both poses (Bjorck and Golub 1973).
+    # The singular values are the cosines of the angles between both spaces of rates, in decreasing
+    # order (Bjorck and Golub 1973). The first directions are allowed in both poses, as many as are
+    # allowed beside q. The other directions are allowed here only.
     _, _, directions = np.linalg.svd(allowed_beside.T @ allowed_here)
-    return np.asarray(allowed_here @ directions[allowed_beside.shape[1] :].T)
+    only_here = directions[allowed_beside.shape[1] :]
+    return np.asarray(allowed_here @ only_here.T)
 
 
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
-    """A configuration near home in the same assembly mode, or home if none is found.
+    """The example: a configuration near home in the same assembly mode; home if none is found.
 
-    The motors are held on the way there, or else the coordinates.
+    After a random step of all joints, the loops are closed with the motors held, or else with the
+    coordinates held.
     """
     if not len(coordinates):
         return home
@@ -214,8 +226,8 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
 def _path_from(assembly: Assembly, home: Array, step: Array, fixed: Indices) -> Path:
     """Assembled configurations on the straight way from home to home + step."""
 
-    def path(q: Array, low: float, high: float) -> Array:
-        return assembly.near(pin.integrate(assembly.mechanism.model, home, high * step), fixed)
+    def path(_q: Array, _earlier: float, fraction: float) -> Array:
+        return assembly.near(pin.integrate(assembly.mechanism.model, home, fraction * step), fixed)
 
     return path
 
@@ -224,27 +236,32 @@ def _path_from(assembly: Assembly, home: Array, step: Array, fixed: Indices) -> 
 
 
 class _Example(NamedTuple):
-    """A configuration from which coordinates may be chosen.
+    """A pose that may become the example.
 
     Attributes:
-        at: The configuration and the motions from it.
+        pose: The pose.
         drives: Number of motors, or of the coordinates wanted.
         controlled: Number of degrees of freedom that they hold.
     """
 
-    at: _Motions
+    pose: _Pose
     drives: int
     controlled: int
 
     @property
     def freedoms(self) -> int:
         """Number of degrees of freedom."""
-        return self.at.motions.shape[1]
+        return self.pose.motions.shape[1]
 
     @property
     def quality(self) -> tuple[bool, int, int]:
-        """Larger where the robot moves, where fewer freedoms are loose, and where more are held."""
-        return self.freedoms > 0, self.controlled - self.freedoms, self.controlled
+        """The largest is the best: it moves, few freedoms are not held, and many are held.
+
+        Of these three, the first one that differs decides.
+        """
+        moves = self.freedoms > 0
+        minus_loose = self.controlled - self.freedoms
+        return moves, minus_loose, self.controlled
 
     @property
     def drives_are_too_few(self) -> bool:
@@ -252,10 +269,12 @@ class _Example(NamedTuple):
         return self.controlled == self.drives < self.freedoms
 
 
-def _best_example(assembly: Assembly, wanted: Indices | None) -> _Motions:
-    """The example where the motors, or the coordinates wanted, hold most degrees of freedom.
+def _best_example(assembly: Assembly, wanted: Indices | None) -> _Pose:
+    """The pose where the motors, or the coordinates wanted, hold most degrees of freedom.
 
-    The search ends where they hold all, and soon where better examples are not to be expected.
+    The search ends where they hold all degrees of freedom. It also ends where no better pose is
+    expected: after `_FEW` poses if each motor holds a freedom of its own, but the motors are too
+    few; and at once if nothing moves because of brakes.
     """
     mechanism = assembly.mechanism
     best: _Example | None = None
@@ -266,7 +285,7 @@ def _best_example(assembly: Assembly, wanted: Indices | None) -> _Motions:
         else:
             rates = motions[wanted]
         controlled = int(np.linalg.matrix_rank(rates, RESTS))
-        example = _Example(_Motions(q, motions), drives=len(rates), controlled=controlled)
+        example = _Example(_Pose(q, motions), drives=len(rates), controlled=controlled)
         if best is None or example.quality > best.quality:
             best = example
         if 0 < example.freedoms == example.controlled:
@@ -276,7 +295,7 @@ def _best_example(assembly: Assembly, wanted: Indices | None) -> _Motions:
         if example.freedoms == 0 and mechanism.brakes:
             break
     assert best is not None  # `examples` gives one, or an error
-    return best.at
+    return best.pose
 
 
 # --- warnings -----------------------------------------------------------------------------------
@@ -301,7 +320,10 @@ def _moving_names(mechanism: Mechanism, motions: Array) -> str:
 
 
 def _warn_of_shaking(mechanism: Mechanism, rates: Array, motions: Array) -> None:
-    """Name the joints of rates that do not belong to motions, both of shape (nv, k)."""
+    """Name the joints that shake: their rates lead to no other pose.
+
+    `rates` are those that Phi allows, a space that contains the motions; shapes (nv, k).
+    """
     without_motions = rates - motions @ (motions.T @ rates)
     names = _moving_names(mechanism, without_motions)
     warn_caller(
@@ -314,7 +336,10 @@ def _warn_of_shaking(mechanism: Mechanism, rates: Array, motions: Array) -> None
 
 
 def _warn_of_rigid_motors(mechanism: Mechanism, motions: Array) -> None:
-    """Name the motors whose joints do not take part in motions, shape (nv, k)."""
+    """Name the motors whose joints do not take part in motions, shape (nv, k).
+
+    Motors on lines only are not judged.
+    """
     moving = np.linalg.norm(motions, axis=1) > RESTS
     rigid = list[str]()
     for name, acts_on in zip(mechanism.motor_names, mechanism.actuation.T, strict=True):
@@ -331,7 +356,7 @@ def _warn_of_rigid_motors(mechanism: Mechanism, motions: Array) -> None:
 
 
 def _hint_of_hinges(mechanism: Mechanism) -> str:
-    """About which axis hinges turn, as the end of a warning; empty if no closure is a hinge."""
+    """The end of a warning that says about which axis hinges turn; empty without hinges."""
     if any(isinstance(c, Closure) and c.kind == "hinge" for c in mechanism.closures):
         return "; a hinge turns about z of its frames"
     return ""
