@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Error f(q) of the closures, their Jacobian Phi and its rate, at one configuration.
 
-Pinocchio computes placements and Jacobians of the frames on the normal tree, and `closure_formulas`
-the errors and wrenches of each closure. Pinocchio's own constraint functions are not used: they are
-wrong or NaN in silence on redundant loops. Twists are [linear; angular], as Pinocchio's; the
-paper's order comes in with the bodies' twists.
+Pinocchio computes placements and Jacobians of the frames on the normal tree (`NormalTree`), and
+`closure_formulas` the errors and wrenches of each closure. Pinocchio's own constraint functions are
+not used: on redundant loops their results are wrong or NaN without an error. Twists are [linear;
+angular], as in Pinocchio; only the results of `ClosedChain.noc` have the paper's order.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,10 +32,11 @@ class Loops:
         model: The tree.
         tree: Its normal tree.
         data: Pinocchio's data of the normal tree: placements of joints and frames, Jacobians.
-        slices: Where the rows of each closure are in Phi.
-        of_frames: The rows of closures of two frames.
+        slices: For each closure the slice of its rows in f and Phi.
+        of_frames: The rows of closures of two frames; see `rows`.
         couplings: The rows of couplings of joints, and of brakes of joints.
-        holonomic: Which rows have an error, shape (rows,); the others hold rates only.
+        holonomic: Which rows have an error, shape (rows,). The others hold rates only: those of the
+            slip of wheels and of brakes.
         touched: Which rates a row depends on, shape (rows, nv).
         curved: Which rates change Phi, shape (nv,); linear couplings do not.
         q_of_model: The configuration, shape (nq,).
@@ -64,7 +65,10 @@ class Loops:
         self._parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def parts(self, coordinates: Indices) -> list[tuple[Indices, Indices]]:
-        """Rows and dependent rates that they connect, for a choice of coordinates."""
+        """The parts of Phi that share no row and no dependent rate, for a choice of coordinates.
+
+        For each part the indices of its rows, and those of its dependent rates in v.
+        """
         key = coordinates.tobytes()
         if key not in self._parts:
             dependent = np.delete(np.arange(self.model.nv), coordinates)
@@ -123,11 +127,11 @@ class Loops:
         The rows of two frames are W_dot [J_B; J_A] + W [J_dot_B; J_dot_A].
         """
         rates = self.tree.S.dot(v)
-        twists_of_rates = (self._J * rates).T  # each row is the twist by one rate
+        twists_of_rates = (self._J * rates).T  # row k is the twist by rate k of the normal tree
         J_dot = self._jacobian_rate(rates)
         Phi_dot = np.zeros(self.touched.shape)
         for rows, pair, W in zip(self.of_frames, self._pairs, self._wrenches(), strict=True):
-            t_B, t_A = rows.twists(twists_of_rates)  # sums over the rates that move B and A
+            t_B, t_A = rows.twists(twists_of_rates)
             W_dot = rows.formulas.W_dot(pair, W, t_B, t_A)
             by_W_dot = W_dot.dot(rows.jacobians(self._J))
             Phi_dot[rows.at] = by_W_dot + W.dot(rows.jacobians(J_dot))
@@ -155,10 +159,7 @@ class Loops:
         return drift
 
     def _jacobian_rate(self, rates: Array) -> Array:
-        """The rate of J at rates of the normal tree, shape (6, rates).
-
-        Pinocchio keeps it in `data`, for other functions that need it.
-        """
+        """The rate of J at rates of the normal tree, shape (6, rates); also stored in `data`."""
         pin.computeJointJacobiansTimeVariation(self.tree.model, self.data, self.q, rates)
         return np.array(self.data.dJ).reshape(6, -1)
 
@@ -208,7 +209,7 @@ class Loops:
         return largest
 
     def frame_jacobian(self, frame: int) -> Array:
-        """[linear; angular] of a frame, world axes at its origin, shape (6, nv).
+        """Jacobian of a frame, [linear; angular], world axes at its origin, shape (6, nv).
 
         Frames have the same index in the model and in its normal tree.
         """
@@ -217,17 +218,18 @@ class Loops:
 
     def frame_jacobian_rate(self, frame: int, v: Array) -> Array:
         """Rate of `frame_jacobian` at rates v, shape (6, nv)."""
-        self._jacobian_rate(self.tree.S.dot(v))  # sets the rates in `data`
+        self._jacobian_rate(self.tree.S.dot(v))  # stores what the next function needs in `data`
         J_dot = pin.getFrameJacobianTimeVariation(
             self.tree.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED
         )
         return J_dot.reshape(6, -1).dot(self.tree.S)
 
     def forces_on_bodies(self, Lambda: Array) -> Array:
-        """[force; moment] at the world's origin that closures give to bodies.
+        """Wrenches of the closures on the bodies, [force; moment] at the world's origin.
 
-        The columns of Lambda, shape (rows, k), are multipliers: the forces on the tree are Phi^T
-        Lambda. Shape (joints of the normal tree, 6, k), the ground first.
+        The columns of Lambda, shape (rows, k), are sets of multipliers, for which the forces on the
+        tree are Phi^T Lambda. The result has the shape (joints of the normal tree, 6, k), with the
+        ground first.
         """
         forces = np.zeros((self.tree.model.njoints, 6, Lambda.shape[1]))
         for rows, W in zip(self.of_frames, self._wrenches(), strict=True):
@@ -239,10 +241,11 @@ class Loops:
 
 
 def connected(touched: Flags) -> Iterator[tuple[Indices, Indices]]:
-    """Rates that rows connect, in parts that share no row and no rate.
+    """The parts of a matrix that share no row and no rate.
 
-    `touched` says which rates a row depends on, shape (rows, rates). Gives the indices of the rows
-    and of the rates of each part.
+    `touched` says on which rates a row depends, shape (rows, rates). Yields for each part the
+    indices of its rows and those of its rates. A rate on which no row depends is a part without
+    rows.
     """
     # Each rate is a part of its own at first. The label of a part is the index of one of its rates.
     labels = np.arange(touched.shape[1])
