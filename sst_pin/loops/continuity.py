@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tests whether a motion stays in its assembly mode, for each block of Phi.
 
-Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. Their
-change is D = Phi_a^+ (Phi_b - Phi_a), which does not depend on the units of rows.
+An assembly mode is one of the solutions of the loops for the same coordinates. Blocks are explained
+in `blocks`. Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a
+and b. The test is on their change D = Phi_a^+ (Phi_b - Phi_a), which is free of units.
 
-- Where |D| < 1, all matrices between Phi_a and Phi_b, Phi_a + s (Phi_b - Phi_a) with 0 <= s <= 1,
-  have full rank: Phi_a^+ times them is I + s D.
-- Let a and b lie in different modes at the same coordinates, and x be the difference of their
-  dependent joints. The mean of Phi over the line from a to b maps x to f(b) - f(a), which is 0 as
-  both are closed. With (Phi_a + Phi_b) / 2 as the mean, Phi_b x = -Phi_a x. Then
-  D x = Phi_a^+ (Phi_b x - Phi_a x) = -2 x, so that |D| >= 2.
+- If |D| < 1, all matrices between them, Phi_s = Phi_a + s (Phi_b - Phi_a) with 0 <= s <= 1, have
+  full column rank, because Phi_a^+ Phi_s = I + s D is regular.
+- If a and b are in different modes at the same coordinates, then |D| is about 2 or more. Let x be
+  the difference of their dependent joints. The mean of Phi over the line from a to b maps x to
+  f(b) - f(a), which is 0 as both are closed. If this mean is (Phi_a + Phi_b) / 2, then
+  Phi_b x = -Phi_a x, so that D x = Phi_a^+ (Phi_b x - Phi_a x) = -2 x.
 
-A step with |D| <= 1/2 is continuous: 1/2 leaves a margin to both bounds, as (Phi_a + Phi_b) / 2 is
-the mean only nearly. A longer step is divided. The determinant of all loops is no measure: it keeps
-its sign if two blocks become singular at once.
+So a step with |D| <= 1/2 is continuous. The value 1/2 leaves a margin to both bounds, as
+(Phi_a + Phi_b) / 2 is only about the mean. A longer step is divided.
+
+The sign of the determinant of all loops is no such test: it stays the same if two blocks become
+singular at once.
 """
 
 from collections.abc import Callable
@@ -30,20 +33,21 @@ from .blocks import diagonal_blocks
 from .loops import Loops
 from .ranks import largest_condition, scaled_Phi
 
-#: Computes the configuration at a later fraction of a step from that at an earlier one. It raises
-#: an SSTError if there is none.
+#: A function path(q, earlier, later): the configuration at a later fraction of a step, from the
+#: configuration q at an earlier fraction. It raises an SSTError if there is none.
 Path = Callable[[Array, float, float], Array]
 
 #: Largest |D| of two configurations that count as neighbours.
 CHANGE = 0.5
-#: Largest motion of a joint between them, [rad] or lengths of the loop: after a whole turn of a
-#: joint D is zero again. Over half a radian Phi changes about linearly.
+#: Largest motion of a joint between neighbours, [rad] or lengths of the loop. Without this limit, a
+#: whole turn of a joint would be a step, as D is zero after it. Over half a radian Phi changes
+#: about linearly.
 TRAVEL = 0.5
-#: The most configurations between two samples of a motion. With steps of `TRAVEL` they make 160
-#: turns of a joint, with shorter ones tens of turns.
+#: Largest number of configurations between two samples of a motion. With steps of `TRAVEL` they
+#: make 160 turns of a joint, with shorter ones tens of turns.
 LOOKS = 2000
-#: Parts of a step are not divided further, as a fraction of the step: configurations in a shorter
-#: part differ by less than the errors of assembled loops.
+#: A part of a step below this fraction of the step is not divided further: its ends differ by less
+#: than the errors of assembled loops.
 _SHORTEST = 1e-12
 
 
@@ -53,7 +57,7 @@ class _Sample:
 
     Attributes:
         q: The configuration, shape (nq,).
-        blocks: The blocks of each shape, (blocks, rows, rates).
+        blocks: Arrays of blocks with equal shapes, each of shape (blocks, rows, rates).
     """
 
     q: Array
@@ -62,12 +66,13 @@ class _Sample:
 
 @dataclass(frozen=True)
 class _Anchor:
-    """A sample with which later ones are compared.
+    """A sample a with which later samples b are compared.
 
     Attributes:
         sample: The sample.
-        inverses: Pseudoinverses of the sample's blocks, in arrays of the same shapes.
-        smallest: Smallest singular values of the blocks, 0 for blocks without full column rank.
+        inverses: Pseudoinverses of its blocks, arrays of shape (blocks, rates, rows).
+        smallest: Smallest singular values of its blocks, arrays of shape (blocks,); 0 for blocks
+            with fewer rows than rates.
     """
 
     sample: _Sample
@@ -83,7 +88,7 @@ class _Anchor:
             U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
             reciprocals = np.zeros_like(s)
             np.divide(1.0, s, out=reciprocals, where=s > 0)
-            # V diag(1 / s) U^T
+            # The pseudoinverse is V diag(1 / s) U^T, with 0 in place of 1 / 0.
             inverses.append(Vt.mT @ (U * reciprocals[:, None]).mT)
             has_full_rank = s.shape[1] == blocks.shape[2]
             smallest.append(s[:, -1] if has_full_rank else np.zeros(len(blocks)))
@@ -109,8 +114,9 @@ class Continuity:
         self._curved = np.flatnonzero(loops.curved)
         #: The diagonal blocks, those of one shape together.
         self._blocks = diagonal_blocks(mechanism, loops)
-        # The last sample of the motion is the sample of the anchor, or a neighbour of it.
+        #: The last sample of the motion.
         self._last: _Sample | None = None
+        #: The anchor of the last sample: its own, or that of a neighbour.
         self._anchor: _Anchor | None = None
 
     def condition_number(self, q: Array) -> float:
@@ -123,7 +129,7 @@ class Continuity:
     def follow(
         self, start: Array, path: Path, limit: float, first: float = 1.0, looks: int = LOOKS
     ) -> tuple[float, Array]:
-        """The fraction of a step that is continuous and regular, and the configuration at its end.
+        """How far a step is continuous and regular: a fraction, and the configuration there.
 
         Args:
             start: The configuration where the step begins.
@@ -162,14 +168,12 @@ class Continuity:
         """Whether the motion goes on from the configuration `before` to `after`.
 
         It does if both are regular neighbours of one anchor: then all matrices between their Phi
-        are within `CHANGE` of that of the anchor, and regular too. `before` is a neighbour of the
-        present anchor. If `after` is none, `before` itself becomes the anchor.
+        are within `CHANGE` of that of the anchor, and regular too. First the anchor of `before` is
+        tried, which may be an earlier configuration. If `after` is no neighbour of it, `before`
+        itself becomes the anchor.
 
-        What is kept for the next call:
-
-        - if the motion goes on, `after` is the last sample;
-        - if not, `before` is the last sample and the anchor. The next, shorter try begins there
-          too, and needs no other SVD.
+        If the motion goes on, `after` becomes the last sample. If not, `before` does: the next try,
+        with a shorter step, begins there too, and needs no other SVD.
         """
         sample = self._sample(after)
         start, anchor = self._sample_and_anchor(before)
@@ -182,10 +186,10 @@ class Continuity:
         return continues
 
     def _sample_and_anchor(self, q: Array) -> tuple[_Sample, _Anchor]:
-        """The sample at q, and an anchor of which it is a neighbour.
+        """The sample at q and its anchor.
 
-        They are the last ones if the last motion ended at q. Otherwise a motion begins at q, and
-        the sample is its own anchor.
+        If the last motion ended at q, they are known. Otherwise a motion begins at q, and the
+        sample is its own anchor.
         """
         last, anchor = self._last, self._anchor
         if last is not None and anchor is not None and np.array_equal(last.q, q):
@@ -203,30 +207,34 @@ class Continuity:
             return False
         for inverse, a, b in zip(anchor.inverses, anchor.sample.blocks, sample.blocks, strict=True):
             D = inverse @ (b - a)
-            # The Frobenius norm of each block; it is not less than |D|.
-            if not np.einsum("bij,bij->b", D, D).max() <= CHANGE**2:
+            # The Frobenius norm, the root of the sum of squares in a block, is not less than |D|.
+            squares = np.einsum("bij,bij->b", D, D)  # sums of D_ij^2 for each block b
+            if not squares.max() <= CHANGE**2:
                 return False
         return self._is_surely_regular(anchor, sample, limit) or self._condition(sample) < limit
 
     def _is_surely_regular(self, anchor: _Anchor, sample: _Sample, limit: float) -> bool:
         """Whether a bound shows, without an SVD, that the condition numbers are below the limit.
 
-        As |D| <= 1/2, the smallest singular value of Phi_b is at least half of that of Phi_a. The
-        largest one of Phi_b is at most its Frobenius norm. Blocks with one rate have one singular
-        value only: their usual size takes the place of the largest one if it is larger.
+        The smallest singular value of Phi_b is at least (1 - |D|) times that of Phi_a, where |D| is
+        at most `CHANGE`. The largest one of Phi_b is at most its Frobenius norm. As in
+        `largest_condition`, the usual size of a block takes the place of the largest one if it is
+        larger.
         """
-        per_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
-        for of_shape, blocks, smallest in per_shape:
-            largest = np.maximum(np.linalg.norm(blocks, axis=(1, 2)), of_shape.usual_sizes)
+        by_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
+        for blocks, matrices, smallest in by_shape:
+            norms = np.linalg.norm(matrices, axis=(1, 2))
+            largest = np.maximum(norms, blocks.usual_sizes)
             if not (largest < limit * (1 - CHANGE) * smallest).all():
                 return False
         return True
 
     def _condition(self, sample: _Sample) -> float:
-        """The largest condition number of its blocks."""
-        usual_sizes = [of_shape.usual_sizes for of_shape in self._blocks]
+        """The largest condition number of the blocks of a sample."""
+        usual_sizes = [blocks.usual_sizes for blocks in self._blocks]
         return largest_condition(zip(sample.blocks, usual_sizes, strict=True))
 
     def _sample(self, q: Array) -> _Sample:
+        """The sample at a configuration."""
         Phi = scaled_Phi(self._mechanism, self._loops, q)
-        return _Sample(q.copy(), [of_shape.of(Phi) for of_shape in self._blocks])
+        return _Sample(q.copy(), [blocks.of(Phi) for blocks in self._blocks])
