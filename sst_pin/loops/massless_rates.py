@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rates that move no mass, such as the turn of a thin rod between two balls about itself."""
+"""Rates that move no mass, such as the turn of a thin rod between two balls about itself.
+
+At such rates the mass matrix L^T M L of the coordinates is singular to rounding.
+"""
 
 from contextlib import suppress
 
@@ -15,38 +18,47 @@ from .line_kinematics import LineKinematics
 from .loops import Loops
 from .ranks import scaled_Phi
 
-#: Coordinates move no mass where their inertia is less than this part of the largest that their
-#: bodies could have. About its axis, a wire of 1 m with a diameter of 0.1 mm has more.
+#: Coordinates move no mass if their inertia is below this fraction of the largest inertia that
+#: their bodies could have. A wire of 1 m with a diameter of 0.1 mm has more about its own axis.
 _NO_MASS = 1e-8
 
 
 def massless_rates(
     mechanism: Mechanism, loops: Loops, coordinates: Indices, q: Array, motions: Array
 ) -> tuple[str, ...]:
-    """Names of coordinates that move no mass, or of rates that describe the motion in their place.
+    """Names of coordinates that move no mass.
 
-    The mass matrix L^T M L is singular there to rounding, at every configuration. Each coordinate
-    is scaled by the inertia that it would move if each body turned about its heaviest axis. The
-    motions, without units, are those from the configuration q.
+    If the coordinates are dependent at q, other independent rates are judged in their place.
+
+    Args:
+        mechanism: The mechanism.
+        loops: Its loops.
+        coordinates: Indices in v of the coordinates.
+        q: A closed configuration without symmetry, so that the result holds everywhere.
+        motions: Orthonormal motions from q, free of units, shape (nv, n).
     """
     Phi = scaled_Phi(mechanism, loops, q)
     chosen = choose_coordinates(mechanism, Phi, [coordinates], motions)
     if not len(chosen):
         return ()
 
-    # v = L v_chosen: the motions as functions of the rates that are chosen.
+    # v = L v_chosen. The motions are v = motions x, so that x = motions[chosen]^-1 v_chosen.
     motions = mechanism.rate_scale[:, None] * motions
     L = motions @ np.linalg.inv(motions[chosen])
 
-    # The mass matrix, and the diagonal of the one with the heaviest axes. The loops are at q.
+    # The mass matrix. The loops are at q.
     tree = loops.tree.model
     L_of_tree = loops.tree.S @ L
     of_lines = _inertia_of_lines(mechanism, q, L)
     inertia = L_of_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_of_tree + of_lines
-    heaviest = pin.crba(_with_heaviest_axes(tree), loops.data, loops.q)
+
+    # The largest inertia that each coordinate could have: the diagonal of the mass matrix of bodies
+    # with larger moments, diag(L^T M L) = sums over the rows of L * (M L).
+    heaviest = pin.crba(_with_largest_moments(tree), loops.data, loops.q)
     largest = (L_of_tree * (heaviest @ L_of_tree)).sum(axis=0) + np.diag(of_lines)
 
-    # Singular directions of the scaled mass matrix, and the coordinates that take part in them.
+    # Singular directions of the mass matrix, divided by the largest inertias, and the coordinates
+    # that take part in them.
     scale = 1 / np.sqrt(np.maximum(np.abs(largest), 1e-300))
     values, vectors = np.linalg.eigh(scale[:, None] * inertia * scale)
     without_mass = vectors[:, np.abs(values) < _NO_MASS]
@@ -63,8 +75,11 @@ def _inertia_of_lines(mechanism: Mechanism, q: Array, L: Array) -> Array:
     return np.zeros((count, count))
 
 
-def _with_heaviest_axes(tree: pin.Model) -> pin.Model:
-    """The tree whose bodies have the trace of their inertia as moment about each axis."""
+def _with_largest_moments(tree: pin.Model) -> pin.Model:
+    """The tree with bodies that have the trace of their inertia as moment about each axis.
+
+    It is a bound: no moment of inertia is larger than the trace.
+    """
     heaviest = pin.Model(tree)
     for j, body in enumerate(tree.inertias):
         moments = abs(np.trace(body.inertia)) * np.eye(3)
