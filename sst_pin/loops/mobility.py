@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice."""
+"""Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice.
+
+`judge` makes the report `Mobility` at one configuration. `idle_rates` finds passive joints that can
+rotate freely. `motor_rates` is the rate of each motor in motions of the robot.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,8 +23,8 @@ from .line_kinematics import LineKinematics
 from .loops import Loops
 from .ranks import condition_number, free_motions, independent_rows, scaled_Phi
 
-#: Rates with a smaller part in motions that no motor holds are at rest. Rounding turns these
-#: motions by up to 1e-9, the rounding of numbers divided by `RESTS`.
+#: A joint is loose if its part is larger than this in motions with the motors locked. Rounding
+#: makes parts of up to 1e-9: the rounding of numbers divided by `RESTS`.
 _LOOSE = 1e-6
 
 
@@ -143,14 +147,15 @@ class Mobility:
 def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Array) -> Mobility:
     """The mobility at a closed q, in the mechanism's coordinates if these describe the motions.
 
-    `motions` are those of `finite_motions`. Other rates that Phi allows only shake the robot.
+    `motions` are those of `finite_motions`. Other rates that Phi allows are shaking: they belong to
+    no motion. `where` says in words which configuration q is.
     """
     Phi = scaled_Phi(mechanism, loops, q)
     space = mechanism.space
     preferred = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
     coordinates = choose_coordinates(mechanism, Phi, preferred, motions)
 
-    # The part of the rates that Phi allows which belongs to no motion.
+    # Subtract from the rates that Phi allows their projections on the motions.
     allowed = free_motions(Phi)
     only_shaking = allowed - motions @ (motions.T @ allowed)
     is_shaking = np.abs(only_shaking).max(axis=1, initial=0.0) > INDEPENDENT
@@ -171,6 +176,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
         degrees_of_freedom=len(coordinates),
         held=held,
         loose_joints=tuple(names_of_rates[is_loose].tolist()),
+        # Motions are orthogonal to shaking rates. So these rates, as rows, are zero in motions.
         idle_joints=idle_rates(mechanism, loops, np.vstack([Phi, only_shaking.T])),
         shaking_joints=tuple(names_of_rates[is_shaking].tolist()),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
@@ -181,31 +187,33 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
 
 
 def idle_rates(mechanism: Mechanism, loops: Loops, rows: Array) -> tuple[str, ...]:
-    """Rates to lock, so that no passive joint of a loop rotates freely.
+    """Names of rates to lock, so that no passive joint of a loop rotates freely.
 
-    A rod between two balls rotates about itself while all other joints and all motors are at rest.
-    Each such motion gives the rate with the largest part in it, here the turn about the axis that
-    is nearest to the rod.
+    For example, a rod between two balls can rotate about itself while all other joints and all
+    motors are at rest. In each such motion the rate with the largest part is the one to lock: here
+    the turn about the axis that is nearest to the rod.
 
     Args:
         mechanism: The mechanism.
         loops: Its loops, evaluated at a closed configuration.
-        rows: Rows that are zero in motions of joints without units: Phi of `scaled_Phi`, and more.
+        rows: Rows, free of units, that are zero in all motions, shape (k, nv): Phi of `scaled_Phi`,
+            and perhaps more.
     """
     space = mechanism.space
     passive = _passive_joints(mechanism, loops)
-    # A body on rods or with a cylinder may be the only joint that moves. But it moves them too: it
-    # is the robot, and no part that rotates freely.
+    # In the motion of an idle joint, motors, rods and lines are at rest too. Without their rows, a
+    # platform on rods, which is a single joint of the tree, would count as idle: when it moves, no
+    # other joint of the tree does, but the rods do.
     of_motors = motor_rates(mechanism, loops.q_of_model, np.eye(len(space.rate_names)))
     rows = np.vstack([rows, of_motors, _rates_of_rods_and_lines(mechanism, loops)])
     idle = list[int]()
 
-    # One ball is a joint of the tree, the other one is a closure: the rates of one joint suffice.
+    # A rod with one ball in the tree and one in a closure: the rates of one joint turn it.
     for rates in passive.values():
         idle += _idle_among(rates, rows)
 
-    # Both balls are joints of the tree: the rod rotates between them, while the body after the
-    # second ball is at rest.
+    # A rod with both balls in the tree: the rates of both joints turn it, in opposite senses, and
+    # the body after the second ball is at rest.
     for joint, rates in passive.items():
         parent = int(mechanism.model.parents[joint])
         if parent not in passive:
@@ -229,24 +237,25 @@ def _passive_joints(mechanism: Mechanism, loops: Loops) -> dict[int, list[int]]:
 
 
 def _idle_among(rates: list[int], rows: Array) -> list[int]:
-    """As many of the rates as they have motions of their own, those with the largest parts.
+    """The rates to lock, so that the given rates have no motion while all other rates are zero.
 
-    In a motion of their own, all other joints are at rest and the rows, which have a column for
-    each rate of v, are zero.
+    In such motions the rows, shape (k, nv), are zero. For each independent motion, one rate is
+    locked: the one with the largest part that is independent of the rates chosen before.
     """
     from scipy.linalg import qr
 
     motions = free_motions(rows[:, rates])
     if not motions.shape[1]:
         return []
+    # The pivots of QR are the largest independent columns of motions^T, a column for each rate.
     _, order = qr(motions.T, mode="r", pivoting=True)
     return sorted(rates[k] for k in order[: motions.shape[1]])
 
 
 def _rates_of_rods_and_lines(mechanism: Mechanism, loops: Loops) -> Array:
-    """Velocities between both ends of rods (`Distance`) and lines, free of units, shape (k, nv).
+    """Relative velocities of the ends of rods (`Distance`) and lines by v, free of units.
 
-    The configuration is that of the loops.
+    Shape (k, nv), three rows for each. The configuration is that of the loops.
     """
     ends = [(line.frame_a, line.frame_b) for line in mechanism.lines.forces]
     for closure in mechanism.closures:
@@ -261,7 +270,7 @@ def _rates_of_rods_and_lines(mechanism: Mechanism, loops: Loops) -> Array:
 
 
 def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:
-    """The twist of a joint's body by the rates, free of units, shape (6, nv).
+    """Jacobian of a joint's body in its own axes, free of units, shape (6, nv).
 
     The configuration is that of the loops.
     """
@@ -283,19 +292,20 @@ def rotating_freely(idle: Sequence[str]) -> str:
 
 
 def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
-    """B^T times motions of the tree without units, shape (motors, motions), at a closed q.
+    """Rates of the motors in motions, B^T motions, at a closed q, shape (motors, motions).
 
-    Each motor's row of B^T has length one. Lines whose ends coincide have no direction; their rows
-    are zero.
+    The motions are rates of the tree without units, shape (nv, motions). The row of B^T of each
+    motor is divided by its length, so that it counts for the motors which joints they move, not how
+    fast. Lines whose ends coincide have no direction; their rows are zero.
     """
     lines = mechanism.lines
-    B = mechanism.actuation
+    B = mechanism.actuation  # the forces on the tree are B tau
     if lines.actuation.any():
         kinematics = LineKinematics(mechanism)
         kinematics.lengths(q)  # evaluates the loops of the lines at q
-        J_of_lines = np.nan_to_num(kinematics.loops.Phi)
+        J_of_lines = np.nan_to_num(kinematics.loops.Phi)  # rates of the lengths are J_of_lines v
         B = B + J_of_lines.T @ lines.actuation
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    directions = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
-    return directions @ motions
+    unit_rows = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
+    return unit_rows @ motions
