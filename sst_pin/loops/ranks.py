@@ -22,16 +22,20 @@ def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 
 
 def rank_of(sizes: Array) -> int:
-    """Rank of a matrix from its singular values or pivots; its rows are free of units.
+    """Rank of a matrix, free of units, from its singular values or pivots.
 
-    A row that holds a motion has the natural size one. A smaller largest value is compared with
-    one: where the rows hold nothing, all values are rounding.
+    Values above `RANK_TOLERANCE` times the largest count. If the largest is below one, they are
+    compared with one, which is the natural size of a row that holds a motion: if the rows hold
+    nothing, all values are rounding.
     """
     return int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes.max(initial=1.0)))
 
 
 def independent_rows(Phi: Array) -> Indices:
-    """Indices of independent rows, as many as the rank of Phi, by a pivoted QR of Phi^T."""
+    """Indices of independent rows, as many as the rank of Phi, by a pivoted QR of Phi^T.
+
+    Phi is free of units.
+    """
     if not Phi.size:
         return np.empty(0, dtype=np.intp)
     from scipy.linalg import qr
@@ -53,8 +57,8 @@ def condition_number(
 ) -> float:
     """Condition number of the columns of Phi for the dependent rates; infinite if singular.
 
-    It is the largest of the condition numbers of `parts`, which share no rows and no rates, so
-    loops of different sizes do not make it larger.
+    It is the largest condition number of the parts, so that loops of different sizes do not make it
+    larger. Phi is free of units. `parts` are those of `Loops.parts`.
     """
     blocks = list[tuple[Array, Array]]()
     for rows, rates in parts:
