@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Leads a frame of a closed chain from pose to pose; all joints follow.
+"""Moves a frame of a closed chain from pose to pose: inverse kinematics along a path.
 
 The closures and the wanted pose are one system of equations in all joints, M dq = -f, which
 Newton's method solves. M has the rows of Phi and those of the frame's Jacobian J:
 
     M = [Phi; J].
 
-Two configurations a and b count as neighbours where |M_a^+ (M_b - M_a)| < 1/2: then M is regular
-between them, and the frame stays in its working mode. A second matrix D has the rows of Phi and
-those of the drives, which are by default the coordinates. Where D is regular too, the loops stay in
-their assembly mode; see `loops/continuity.py`. All matrices are free of units.
+The path goes from a configuration a to the next one, b, only if |M_a^+ (M_b - M_a)| <= 1/2. Then M
+has full rank between them; see `loops/continuity.py`. So the frame stays in its *working mode*: the
+branch of the inverse kinematics in which it is.
+
+The same holds for a second matrix D = [Phi; S], where S v are the rates that determine the motion:
+those of the *drives*, by default the coordinates. So the loops stay in their *assembly mode*: the
+branch of the direct kinematics.
+
+All matrices are free of units. `FrameGuide` moves the frame; `frame_configurations` is the inverse
+kinematics of `ClosedChain`.
 """
 
 from collections.abc import Callable
@@ -33,25 +39,28 @@ from .ranks import scaled_Phi
 _STEPS = 12
 #: Its longest step, [rad] or lengths of the loop.
 _LONGEST = 0.5
-#: A step of less than this size is the last one: for an exact pose, where the next step is about
-#: its square, and for one that is only approached, by steps that become shorter slowly.
+#: A step of at most this size is the last one: the size of the next one is about its square.
 _LAST = 1e-9
+#: The same for a pose that is only approached. There steps become shorter slowly, and the pose is
+#: on the way only.
 _LAST_NEARBY = 1e-5
 #: Largest error of R R^T for a rotation R: six digits are enough.
 _NO_ROTATION = 1e-6
-#: Weight of the closures where a pose is only approached.
+#: Weight of the closures in least squares where a pose is only approached. It is a choice: a frame
+#: that misses its pose by 1e-2 opens the loops by about 1e-2 / _HEAVY^2 = 1e-10 then.
 _HEAVY = 1e4
-#: A step along the path aims at this part of the limit `CHANGE`.
+#: The next step along the path is such that the change is about this part of the limit `CHANGE`.
 _AIM = 0.8
-#: Without a solution, the next step is shorter by this factor.
+#: Without a solution, the next step is shorter by this factor. Both are choices; they change the
+#: number of steps only.
 _SHORTER = 0.4
 
-#: A matrix of a configuration.
+#: A function that returns a matrix for a configuration.
 MatrixOf = Callable[[Array], Array]
 
 
 class Approach(NamedTuple):
-    """The end of a motion to a pose."""
+    """The end of a motion to a pose, which may miss the pose."""
 
     #: The last configuration, shape (nq,).
     q: Array
@@ -62,7 +71,7 @@ class Approach(NamedTuple):
 
 
 class _Sample(NamedTuple):
-    """A configuration, the pose of the frame there, and both matrices."""
+    """A configuration, the pose of the frame there, and the matrices M and D there."""
 
     q: Array
     pose: pin.SE3
@@ -71,7 +80,7 @@ class _Sample(NamedTuple):
 
 
 class _Anchor(NamedTuple):
-    """A sample with which the next ones are compared, and the pseudoinverses of its matrices."""
+    """The configuration a with which the next one, b, is compared, and its M_a^+ and D_a^+."""
 
     sample: _Sample
     M_inverse: Array
@@ -80,7 +89,7 @@ class _Anchor(NamedTuple):
 
 
 class _FrameRows(NamedTuple):
-    """The rows of M at a configuration, and the pose of the frame there."""
+    """Phi and J at a configuration, free of units, and the pose of the frame there."""
 
     Phi: Array
     J: Array
@@ -88,16 +97,17 @@ class _FrameRows(NamedTuple):
 
 
 class FrameGuide:
-    """Leads a frame of a robot from pose to pose, in its working and assembly modes.
+    """Moves a frame of a robot from pose to pose, in its working and assembly modes.
 
     Args:
         mechanism: The robot.
-        generic: A configuration without symmetry, shape (nq,); it shows the usual ranks of M and D.
+        generic: A configuration without symmetry, shape (nq,). The ranks of M and D there are those
+            of regular configurations.
         frame: Name of the frame.
-        position: Whether the position of the frame counts.
-        orientation: Whether its orientation counts.
-        drives: Gives for q a matrix, shape (k, nv), free of units: times v it gives the rates that
-            determine the motion. By default these are the rates of the coordinates.
+        position: Whether targets prescribe the position of the frame.
+        orientation: Whether targets prescribe its orientation.
+        drives: Returns S for q, shape (k, nv), free of units: S v are the rates that determine the
+            motion. By default these are the rates of the coordinates.
     """
 
     def __init__(
@@ -120,8 +130,9 @@ class FrameGuide:
             self._drives = drives
         self._position_counts = position
         self._orientation_counts = orientation
-        #: Which components of a twist [linear; angular] count, shape (6,), and their units.
+        #: Which components of a twist [linear; angular] targets prescribe, shape (6,).
         self._counts = np.repeat([position, orientation], 3)
+        #: Units of these components: the length of the robot, [m], or 1 rad; shape (3,) or (6,).
         self._units = np.repeat([mechanism.length, 1.0], 3)[self._counts]
         sample = self._sample(generic)
         self._M_rank = _rank(sample.M)
@@ -130,7 +141,7 @@ class FrameGuide:
     # --- motions ----------------------------------------------------------------------------
 
     def pose(self, q: Array) -> pin.SE3:
-        """Where the frame is."""
+        """The placement of the frame in the base."""
         return self._rows(q).pose
 
     def follow(
@@ -138,15 +149,16 @@ class FrameGuide:
     ) -> Approach:
         """Move the frame from a configuration with closed loops straight to a pose.
 
-        The motion ends where steps would be shorter than the fraction `shortest` of it. With
-        `nearby`, poses in between need not be reached exactly: some frames cannot move in all
-        directions.
+        The motion ends early where steps would be shorter than the fraction `shortest` of it. With
+        `nearby`, poses on the way need not be reached exactly, as some frames cannot move in all
+        directions. The target itself must be reached.
         """
         anchor = self._anchor(self._sample(q))
         start = anchor.sample.pose
+        # Both are fractions of the motion: the part that is done, and the next step.
         done = 0.0
         step = 1.0
-        singular = False  # whether the drives, and not the frame, stopped the last step
+        singular = False  # whether the change of D, and not that of M, stopped the last step
         while done < 1 and step >= shortest:
             fraction = min(1.0, done + step)
             pose = _between(start, target, fraction)
@@ -162,7 +174,8 @@ class FrameGuide:
             if change <= CHANGE:
                 anchor = self._anchor(sample)
                 done = fraction
-            # The change is about proportional to the step. Where it is infinite, the motion ends.
+            # The change is about proportional to the step. Where it is infinite, the step becomes
+            # zero, and the motion ends.
             if change > 0:
                 step *= min(2.0, _AIM * CHANGE / change)
             else:
@@ -174,7 +187,7 @@ class FrameGuide:
         return Approach(end.q, missed, singular)
 
     def lead(self, q: Array, target: pin.SE3) -> Array:
-        """The configuration that puts the frame at a pose; an error if it misses the pose."""
+        """The configuration with the frame at a pose, reached by `follow`; an error without it."""
         end = self.follow(q, target, nearby=True)
         if end.missed:
             raise self._unreached(end, target)
@@ -195,7 +208,7 @@ class FrameGuide:
         return _Anchor(sample, M_inverse, np.asarray(np.linalg.pinv(sample.D, RANK_TOLERANCE)))
 
     def _rows(self, q: Array) -> _FrameRows:
-        """Rows of the closures and of what counts of the frame; the loops are evaluated at q."""
+        """Phi, and the rows of J that targets prescribe; the loops are evaluated at q."""
         mechanism = self._mechanism
         Phi = scaled_Phi(mechanism, self._loops, q)
         J = self._loops.frame_jacobian(self._frame)[self._counts]
@@ -203,17 +216,18 @@ class FrameGuide:
         return _FrameRows(Phi, J, self._loops.data.oMf[self._frame].copy())
 
     def _error(self, at: pin.SE3, target: pin.SE3) -> Array:
-        """What counts of `pose_error`, free of units."""
+        """The components of `pose_error` that targets prescribe, free of units."""
         error = pose_error(at, target.translation, target.rotation)
         return np.asarray(error[self._counts] / self._units)
 
     # --- Newton's method --------------------------------------------------------------------
 
     def _solved(self, q: Array, target: pin.SE3, exact: bool) -> _Sample | None:
-        """The sample next to q with closed loops and the frame at its target; None without one.
+        """The sample near q with closed loops and the frame at its target; None if none is found.
 
-        Unless it is `exact`, the frame is as near to its target as it can be: closures have a large
-        weight in the least squares. Steps must become shorter, until the last one.
+        Unless `exact`, the frame is only as near to its target as it can be with closed loops: in
+        the least squares, closures have a large weight. Steps of Newton's method must become
+        shorter, else there is no result.
         """
         mechanism = self._mechanism
         rows_of_closures = len(mechanism.row_scale)
@@ -227,15 +241,15 @@ class FrameGuide:
             rows = self._rows(q)
             f_of_closures = self._loops.f * mechanism.row_scale
             f = np.concatenate([f_of_closures, -self._error(rows.pose, target)])
-            M = np.vstack([rows.Phi, rows.J]) * weights[:, None]
-            step = np.linalg.lstsq(M, -f * weights, rcond=RANK_TOLERANCE)[0]
+            weighted_M = np.vstack([rows.Phi, rows.J]) * weights[:, None]
+            step = np.linalg.lstsq(weighted_M, -f * weights, rcond=RANK_TOLERANCE)[0]
             size = float(np.abs(step).max())
             if not size <= longest:  # NaN ends it too
                 return None
             q = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
             longest = size
             if size <= last:
-                # f is the one before the last step, which lowers it further.
+                # f is from before the last step, which has reduced it further.
                 must_vanish = f if exact else f_of_closures
                 if np.abs(must_vanish).max(initial=0.0) <= CLOSURE_TOLERANCE:
                     return self._sample(q)
@@ -276,34 +290,36 @@ class FrameGuide:
         )
 
     def _can_move_towards(self, here: _Sample, target: pin.SE3) -> bool:
-        """Whether joint rates with Phi v = 0 move the frame towards the target, J v = error."""
+        """Whether M v = [0; error] has a solution: Phi v = 0 moves the frame to the target."""
         wanted = self._error(here.pose, target)
         at_rest = np.zeros(len(here.M) - len(wanted))
         right = np.concatenate([at_rest, wanted])
         v = np.linalg.lstsq(here.M, right, rcond=RANK_TOLERANCE)[0]
         missing = right - here.M @ v
+        # The bound is a choice, far above rounding and far below a direction that is missing.
         bound = np.sqrt(RANK_TOLERANCE) * np.abs(wanted).max()
         return bool(np.abs(missing).max() <= bound)
 
 
 def _between(start: pin.SE3, target: pin.SE3, fraction: float) -> pin.SE3:
-    """The pose at a fraction of the straight path from start to target."""
+    """The pose at a fraction of the path from start to target, which turns about one axis."""
     p = start.translation + fraction * (target.translation - start.translation)
     turn = pin.log3(start.rotation.T @ target.rotation)
     return pin.SE3(start.rotation @ pin.exp3(fraction * turn), p)
 
 
 def _change(inverse: Array | None, difference: Array) -> float:
-    """|M_a^+ (M_b - M_a)|; infinite without an inverse."""
+    """|M_a^+ (M_b - M_a)|, Frobenius norm; infinite without an inverse of M_a."""
     return np.inf if inverse is None else float(np.linalg.norm(inverse @ difference))
 
 
 def _rank(M: Array) -> int:
+    """Rank of a matrix that is free of units."""
     return int(np.linalg.matrix_rank(M, rtol=RANK_TOLERANCE))
 
 
 def _condition(M: Array, rank: int) -> float:
-    """Condition number of a matrix that has this rank elsewhere."""
+    """Condition number of a matrix that has this rank at regular configurations."""
     sizes = np.linalg.svd(M, compute_uv=False)
     return float(sizes[0] / max(sizes[rank - 1], 1e-300))
 
@@ -319,7 +335,10 @@ def frame_configurations(
     rotation: ArrayLike | None,
     start: ArrayLike,
 ) -> Array:
-    """`ClosedChain.frame_configuration`, from a start."""
+    """`ClosedChain.frame_configuration`, shape (..., nq), by the motion of a frame from a start.
+
+    `generic` is that of `FrameGuide`. The starts, shape (..., nq), may have open loops.
+    """
     if position is None and rotation is None:
         raise InputError("position", "give a position, a rotation, or both")
     mechanism = assembly.mechanism
@@ -329,15 +348,15 @@ def frame_configurations(
     size = (mechanism.model.nq,)
     q = finite_array("start", start, size)
 
-    def led(q: Array, p: Array | None, R: Array | None) -> Array:
+    def configuration(q: Array, p: Array | None, R: Array | None) -> Array:
         return guide.lead(q, pose_of(p, R))
 
-    q = for_each_sample(assembly.closed, [q], (1,), size)
-    return for_each_sample(led, [q, p, R], (1, 1, 2), size)
+    closed = for_each_sample(assembly.closed, [q], (1,), size)
+    return for_each_sample(configuration, [closed, p, R], (1, 1, 2), size)
 
 
 def rotations(name: str, value: ArrayLike) -> Array:
-    """Rotation matrices, shape (..., 3, 3)."""
+    """The argument `name` as rotation matrices, shape (..., 3, 3); an error for other matrices."""
     R = finite_array(name, value, (3, 3))
     gap = np.abs(R @ R.mT - np.eye(3)).max(initial=0.0)
     if gap > _NO_ROTATION or (np.linalg.det(R) < 0).any():
@@ -346,12 +365,15 @@ def rotations(name: str, value: ArrayLike) -> Array:
 
 
 def pose_of(position: Array | None, R: Array | None) -> pin.SE3:
-    """A pose; components that do not count are zero."""
+    """A pose of these components; without one the position is zero, or the axes are the base's."""
     return pin.SE3(np.eye(3) if R is None else R, np.zeros(3) if position is None else position)
 
 
 def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:
-    """From a pose to a target, in base axes, [m] and [rad], shape (3,) or (6,)."""
+    """The displacement from a pose to a target, in base axes, [m] and [rad], shape (3,) or (6,).
+
+    It has [linear; angular] parts, without that of a component that is None.
+    """
     parts = list[Array]()
     if position is not None:
         parts.append(position - at.translation)
