@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """All assembly modes: the configurations with closed loops for positions of some joints.
 
-A planar loop that two joints close is a dyad, with up to two solutions in closed form, see `dyads`.
-With these joints placed, other loops may become dyads. The remaining loops are solved by Newton's
-method from random starts.
+A planar loop that two free joints close is a dyad. It has up to two solutions in closed form; see
+`dyads`. Once these two joints are placed, other loops may become dyads. The loops that remain are
+solved by Newton's method from random starts.
+
+`modes_of` is the main function. `_Search` finds the configurations.
 """
 
 from __future__ import annotations
@@ -28,17 +30,19 @@ from .guesses import home_of
 from .loops import connected
 from .ranks import free_motions, independent_rows, rank_of, scaled_Phi
 
-#: A search by random starts ends after this number of starts in a row without a new mode,
+# A search by random starts ends after `_STARTS` + `_STARTS_PER_MODE` (modes found so far) starts in
+# a row without a new mode, or after `_MOST_STARTS` starts in all. These numbers are choices: with
+# fewer starts, modes are missed.
 _STARTS = 100
-#: plus this number for each mode,
 _STARTS_PER_MODE = 15
-#: or after this number of starts in all.
 _MOST_STARTS = 3000
-#: Half the ranges of random starts: for turns, [rad], and for slides, in lengths of the loop.
+#: Random starts turn joints by at most this angle in each direction, [rad]: a whole turn.
 _TURN = np.pi
+#: Random starts shift joints by at most this in each direction, in lengths of the loop.
 _SLIDE = 1.0
 #: Configurations are the same if their keys (positions in robot lengths, rotation matrices) differ
-#: by less. Where two modes meet, Newton's method has errors of the root of its tolerance.
+#: by less. Where two modes meet, the error of a configuration is the square root of the error of
+#: the loops, 3e-6 for 1e-11.
 _SAME = 1e-5
 
 
@@ -48,8 +52,9 @@ class AssemblyModes(Summary):
 
     Attributes:
         q: The configurations, sorted by `branches` and then by q, shape (modes, nq).
-        branches: Sign of the determinant of the free columns of Phi for each group of loops that
-            share free joints, shape (modes, groups); 0 at a singular configuration.
+        branches: For each group of loops that share free joints, the sign of the determinant of
+            its rows of Phi, in the columns of its free rates, shape (modes, groups); 0 where it is
+            singular. Redundant rows are left out, the same ones in all modes.
         complete: Whether it is proved that there are no other modes.
     """
 
@@ -90,8 +95,12 @@ def modes_of(
 ) -> AssemblyModes:
     """All modes with some joints at their positions.
 
-    They are those of `solutions`, a complete list, if given; else they are found by dyads and
-    search. Modes differ by the placements of all bodies, or of `frame` only.
+    Args:
+        assembly: Newton's method on the closures of the robot.
+        positions: Positions by the names of joints, [rad] or [m].
+        frame: Modes that differ only by bodies away from this frame are one mode; None to
+            distinguish the placements of all bodies.
+        solutions: All configurations, if they are known; else they are searched.
     """
     search = _Search(assembly, positions, frame)
     if solutions is None:
@@ -102,13 +111,16 @@ def modes_of(
     for q in configurations.q:
         modes.add(search.in_one_turn(q))
     branches = search.branches(modes.q)
+    # Sorted by the branches, then by q; rounded, so that rounding of q does not change the order.
     order = sorted(range(len(branches)), key=lambda k: (*branches[k], *modes.q[k].round(6)))
     q = np.array(modes.q).reshape(-1, assembly.mechanism.model.nq)
     return AssemblyModes(q[order], branches[order], configurations.complete)
 
 
 class _Distinct:
-    """Configurations that differ by their keys.
+    """A list of configurations without repetitions.
+
+    Configurations are the same if their keys, which `key` computes, differ by at most `_SAME`.
 
     Attributes:
         q: The configurations.
@@ -165,7 +177,10 @@ class _Search:
         self._require_no_freedoms()
 
     def _require_no_freedoms(self) -> None:
-        """Raise an error if joints can move although those with positions are held."""
+        """Raise an error if, in general, joints can move although those with positions are held.
+
+        This is judged at the example of the mechanism.
+        """
         mechanism = self._mechanism
         if mechanism.example is None:
             return
@@ -178,54 +193,58 @@ class _Search:
             raise InputError("positions", f"leave {count} freedoms; name {count} more of {names}")
 
     def all_modes(self) -> _Configurations:
-        """The modes, by dyads and random starts."""
-        closures = list[int]()
+        """The configurations with closed loops, by dyads and random starts."""
+        closures = list[int]()  # indices of the closures without rows that hold rates only
         for k, rows in enumerate(self._loops.slices):
             if self._loops.holonomic[rows].all():
                 closures.append(k)
-        modes = self._solve(self._start, self._free, closures)
+        solutions = self._solve(self._start, self._free, closures)
+        # Solutions of dyads are closed to their tolerance; Newton's method improves them.
         closed = list[Array]()
-        for mode in modes.q:
-            q = self._assembly.closer(mode, self._free)
+        for solution in solutions.q:
+            q = self._assembly.closer(solution, self._free)
             if self._assembly.gap(q, self._rows) == 0:
                 closed.append(q)
-        return _Configurations(closed, modes.complete)
+        return _Configurations(closed, solutions.complete)
 
     def _solve(self, q: Array, free: Indices, closures: list[int]) -> _Configurations:
-        """Configurations with other positions of the rates that are still free.
+        """Configurations that differ from q by the positions of the free rates, with closed loops.
 
         `closures` are the indices of the closures that are still open. If one of them is a dyad,
-        each of its solutions is a configuration with two free rates less; the other closures are
-        solved there in the same way, by recursion. Without a dyad they are solved from random
+        each of its solutions is a configuration with two free rates fewer. There the other closures
+        are solved in the same way, by recursion. If none is a dyad, they are solved from random
         starts.
         """
         if not len(free):
             return _Configurations([q], complete=True)
         for k in closures:
-            loop = self._loops.slices[k]
-            rates = free[self._touched[loop, free].any(axis=0)]
+            at = self._loops.slices[k]
+            rates = free[self._touched[at, free].any(axis=0)]  # the free rates of this closure
             if len(rates) != 2:
                 continue
             closure = self._mechanism.closures[k]
             solutions = dyad_configurations(self._loops, closure, rates, q)
             if solutions is None:
-                continue
-            rows = np.arange(loop.start, loop.stop)
+                continue  # the closure is no dyad
+            rows = np.arange(at.start, at.stop)
             other_rates = np.setdiff1d(free, rates)
             other_closures = [other for other in closures if other != k]
-            modes = list[Array]()
+            configurations = list[Array]()
             complete = True
             for solution in solutions:
                 if self._assembly.gap(solution, rows) >= CLOSURE_TOLERANCE:
-                    continue  # its axes, or other rows of the closure, do not fit
+                    continue  # the points meet, but other rows of the closure are open
                 of_solution = self._solve(solution, other_rates, other_closures)
-                modes += of_solution.q
+                configurations += of_solution.q
                 complete = complete and of_solution.complete
-            return _Configurations(modes, complete)
+            return _Configurations(configurations, complete)
         return _Configurations(self._by_random_starts(q, free), complete=False)
 
     def _by_random_starts(self, start: Array, free: Indices) -> list[Array]:
-        """Configurations by Newton's method; the search ends when no new ones are found."""
+        """Configurations by Newton's method; the search ends when no new ones are found.
+
+        Random starts differ from `start` by the free rates.
+        """
         random = np.random.default_rng(0)
         modes = _Distinct(self.key)
         turns = np.array(self._space.rate_units) == "rad"
@@ -235,9 +254,10 @@ class _Search:
         for _ in range(_MOST_STARTS):
             step = np.zeros(self._model.nv)
             step[free] = width[free] * random.uniform(-1, 1, len(free))
-            # First turns, then slides: a free body would move on a screw if it did both at once.
-            turned = pin.integrate(self._model, start, np.where(turns, step, 0.0))
-            guess = pin.integrate(self._model, turned, np.where(turns, 0.0, step))
+            # The two parts of the step are taken one after the other: if a free body turned and
+            # shifted at once, it would move on a screw.
+            after_turns = pin.integrate(self._model, start, np.where(turns, step, 0.0))
+            guess = pin.integrate(self._model, after_turns, np.where(turns, 0.0, step))
             q = self._assembly.closer(guess, free)
             is_closed = self._assembly.gap(q, rows) == 0
             if is_closed and modes.add(q):
@@ -262,10 +282,13 @@ class _Search:
             )
 
     def in_one_turn(self, q: Array) -> Array:
-        """q with its angles in [-pi, pi), unless that opens a loop, as with geared joints."""
-        turned = np.where(np.array(self._space.position_units) == "rad", in_one_turn(q), q)
-        turned = with_positions(self._space, turned, self._positions)
-        return q if self._assembly.gap(turned, self._rows) else turned
+        """q with its angles in [-pi, pi), unless that opens a loop, as with geared joints.
+
+        The joints with positions keep these, which may be more than a turn.
+        """
+        wrapped = np.where(np.array(self._space.position_units) == "rad", in_one_turn(q), q)
+        wrapped = with_positions(self._space, wrapped, self._positions)
+        return q if self._assembly.gap(wrapped, self._rows) else wrapped
 
     def key(self, q: Array) -> Array:
         """Placements of all bodies, or of the frame only, as one vector, free of units."""
@@ -282,11 +305,7 @@ class _Search:
         return np.concatenate(parts)
 
     def branches(self, configurations: Sequence[Array]) -> Indices:
-        """Signs of det Phi of each group, shape (configurations, groups); 0 if it is singular.
-
-        Redundant rows are left out: the same independent rows count in all configurations, so that
-        signs can be compared.
-        """
+        """`AssemblyModes.branches` of configurations, shape (configurations, groups)."""
         signs = np.zeros((len(configurations), len(self._groups)), dtype=int)
         if not configurations:
             return signs
@@ -296,6 +315,7 @@ class _Search:
             ranks = [rank_of(sizes) for sizes in np.linalg.svd(blocks, compute_uv=False)]
             is_regular = np.array(ranks) == len(group.rates)
             if is_regular.any():
+                # The same independent rows in all configurations, so that signs can be compared.
                 first_regular = int(np.argmax(is_regular))
                 rows = independent_rows(blocks[first_regular])
                 determinants = np.linalg.det(blocks[:, rows])
