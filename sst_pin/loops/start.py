@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The configuration where a robot starts, and closed configurations from positions by name."""
+"""The configuration where a robot starts, and closed configurations from positions by name.
+
+- `start_of`: home, or a closed configuration near zero.
+- `assemble`: closed configurations near guesses; it is behind `ClosedChain.assemble`.
+- `placed`: a closed configuration with joints at positions, in the assembly mode of the start if
+  only coordinates have positions.
+"""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,12 +34,14 @@ from ..summaries import listed
 from .closed_loops import ClosedLoops
 from .guesses import home_of
 
-#: A joint that differs by more is at another position, [rad] or parts of the robot's length.
+#: A joint that misses its position by more than this is at another position, [rad] or parts of the
+#: robot's length. It is a choice: positions in files are rounded or measured better than this, and
+#: other assembly modes differ by more.
 _FAR = 0.05
 
 
-class Closer(Protocol):
-    """What this module needs of an engine: it closes loops and moves robots."""
+class LoopEngine(Protocol):
+    """The part of an `Engine` that this module uses: it closes loops and moves robots."""
 
     @property
     def loops(self) -> ClosedLoops:
@@ -46,39 +54,40 @@ class Closer(Protocol):
         """The configuration where the coordinates are a step further, in the same assembly mode."""
 
 
-def _home_or_neutral(closer: Closer) -> Array:
-    """Home, even if its loops cannot be closed; `pin.neutral` without a home; shape (nq,)."""
+def _home_or_neutral(engine: LoopEngine) -> Array:
+    """Home with closed loops if they can be closed; `pin.neutral` without a home; shape (nq,)."""
+    mechanism = engine.loops.mechanism
     try:
-        home = closer.loops.home
+        home = engine.loops.home
     except ClosureError:
-        home = home_of(closer.loops.mechanism)
-    return pin.neutral(closer.loops.mechanism.model) if home is None else home
+        home = home_of(mechanism)
+    return pin.neutral(mechanism.model) if home is None else home
 
 
-def start_of(closer: Closer, *, chosen: bool = False) -> Array:
+def start_of(engine: LoopEngine, *, chosen: bool = False) -> Array:
     """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
     Without a home the loops are closed near zero. If they cannot be closed there, the result is a
     generic configuration. If no configuration closes them, the result has open loops.
 
     Warns:
-        DescriptionWarning: If there is no home and the loops had to be closed; not with `chosen`,
-            which says that the caller has chosen the assembly mode.
+        DescriptionWarning: If there is no home and the loops had to be closed. Not if `chosen`: the
+            caller chooses the assembly mode, so that the one of the start does not matter.
     """
-    q = _home_or_neutral(closer)
-    model = closer.loops.mechanism.model
-    if closer.loops.are_closed(q) or "home" in model.referenceConfigurations:
+    q = _home_or_neutral(engine)
+    model = engine.loops.mechanism.model
+    if engine.loops.are_closed(q) or "home" in model.referenceConfigurations:
         return q
     try:
-        q = closer.loops.assembly.assemble(q, np.arange(model.nv))
+        q = engine.loops.assembly.assemble(q, np.arange(model.nv))
     except ClosureError:
         try:
-            q = closer.loops.example()
+            q = engine.loops.example()
         except ClosureError:
             return q
     if not chosen:
         _warn(
-            closer,
+            engine,
             "no configuration is named home",
             "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
             'model.referenceConfigurations["home"]), or give positions of dependent joints too, '
@@ -88,7 +97,7 @@ def start_of(closer: Closer, *, chosen: bool = False) -> Array:
 
 
 def assemble(
-    closer: Closer,
+    engine: LoopEngine,
     q: ArrayLike | Mapping[str, float],
     fixed: Sequence[str] | None = None,
     tries: int = 1,
@@ -99,84 +108,98 @@ def assemble(
     tries = whole_number("tries", tries, 1)
     seed = whole_number("seed", seed, 0)
     require_flags(limits=limits)
-    mechanism = closer.loops.mechanism
+    mechanism = engine.loops.mechanism
     model = mechanism.model
-    space = mechanism.space
     has_options = tries > 1 or limits
     brakes_hold = fixed is None
+
+    # The guesses, and the rates that may move.
     if isinstance(q, Mapping):
         names_only_coordinates = set(q) <= set(mechanism.coordinate_names)
         if names_only_coordinates and fixed is None and not has_options:
-            return placed(closer, q)
+            return placed(engine, q)
         if fixed is None and not names_only_coordinates:
             fixed = list(q)
-        guess = with_positions(space, _home_or_neutral(closer), q)
+        guesses = with_positions(mechanism.space, _home_or_neutral(engine), q)
     else:
-        guess = as_array("q", q, ())
+        guesses = as_array("q", q, ())
     if fixed is None:
         free = mechanism.dependent
     else:
         free = _other_rates(mechanism, names("fixed", fixed))
 
-    def one(guess: Array) -> Array:
-        if model.nv != model.nq and guess.shape == (model.nv,):
-            # Joint angles instead of quaternions: a displacement from neutral.
-            step = single_array("q", guess, (model.nv,))
-            guess = pin.integrate(model, pin.neutral(model), step)
-        start = space.normalised(single_array("q", guess, (model.nq,)))
+    def assembled(guess: Array) -> Array:
+        """The assembly of one guess, shape (nq,)."""
+        start = _configuration(mechanism, guess)
         if not has_options and np.array_equal(free, mechanism.dependent):
-            return closer.closed(start)
-        assembly = closer.loops.assembly
+            return engine.closed(start)
+        assembly = engine.loops.assembly
 
         def closed(free: Indices) -> Array:
             return assembly.try_starts(start, free, tries, seed, limits=limits)
 
         return assembly.holding_brakes(free, closed) if brakes_hold else closed(free)
 
-    if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
-        return for_each_sample(one, [guess], (1,), (model.nq,))
-    return one(guess)
+    if guesses.ndim > 1 and guesses.shape[-1] in (model.nq, model.nv):
+        return for_each_sample(assembled, [guesses], (1,), (model.nq,))
+    return assembled(guesses)
 
 
-def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
+def _configuration(mechanism: Mechanism, guess: Array) -> Array:
+    """A guess as a configuration on the manifold, shape (nq,).
+
+    Where nv differs from nq, as with quaternions, a guess of shape (nv,) is a displacement from
+    `pin.neutral`.
+    """
+    model = mechanism.model
+    if model.nv != model.nq and guess.shape == (model.nv,):
+        step = single_array("q", guess, (model.nv,))
+        guess = pin.integrate(model, pin.neutral(model), step)
+    return mechanism.space.normalised(single_array("q", guess, (model.nq,)))
+
+
+def placed(
+    engine: LoopEngine, positions: Mapping[str, float], guess: ArrayLike | None = None
+) -> Array:
     """A configuration with closed loops where some joints have given positions, shape (nq,).
 
     `positions`, [rad] or [m], have names of joints that turn or slide. The other joints start from
-    `guess`, by default `start_of`. If only coordinates are named, they move there in the assembly
-    mode of the start. Otherwise the positions of dependent joints, perhaps rounded or measured,
-    choose the assembly.
+    `guess`, by default `start_of`. If only coordinates are named, they move from the start to their
+    positions in its assembly mode. Otherwise the loops are closed near the positions, so that those
+    of dependent joints, perhaps rounded or measured, choose the assembly mode.
 
     Warns:
         DescriptionWarning: If neither the description nor the caller chooses the assembly mode, if
             the coordinates cannot be moved there without leaving it, or if a dependent joint ends
             at another position.
     """
-    mechanism = closer.loops.mechanism
+    mechanism = engine.loops.mechanism
     space = mechanism.space
     if guess is None:
         all_are_named = units_by_joint(space).keys() <= positions.keys()
-        start = start_of(closer, chosen=all_are_named)
+        start = start_of(engine, chosen=all_are_named)
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
-    with_positions(space, start, positions)  # refuses unknown names, and what is no number
+    with_positions(space, start, positions)  # raises an error for unknown names or bad numbers
 
-    # Move the coordinates there, if only coordinates are named.
+    # If only coordinates are named, move them to their positions.
     why_not_moved: ClosureError | None = None
-    if set(positions) <= set(mechanism.coordinate_rate_names) and closer.loops.are_closed(start):
+    if set(positions) <= set(mechanism.coordinate_rate_names) and engine.loops.are_closed(start):
         try:
-            q = _moved_to(closer, start, positions)
-            return closer.closed(with_positions(space, q, positions))  # without rounding
+            q = _moved_to(engine, start, positions)
+            # The motion ends at the positions with rounding; set them exactly.
+            return engine.closed(with_positions(space, q, positions))
         except ClosureError as error:
             why_not_moved = error
 
     # Otherwise assemble near the positions.
     if guess is None:
-        q = _assembled_from_start_or_example(closer, start, positions)
+        q = _assembled_from_start_or_example(engine, start, positions)
     else:
-        q = _assembled(closer, start, positions)
+        q = _assembled(engine, start, positions)
     if why_not_moved is not None:
         _warn(
-            closer,
+            engine,
             f"{', '.join(positions)} cannot be moved from the start to their positions "
             f"({why_not_moved})",
             "give a configuration near them as start, or positions of dependent joints too, as "
@@ -186,19 +209,20 @@ def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | No
     far = _joints_at_other_positions(mechanism, q, positions)
     if far:
         _warn(
-            closer,
+            engine,
             f"no assembly was found with {listed(far)} at these coordinates",
             "correct these positions, or give those of other dependent joints",
         )
     return q
 
 
-def _moved_to(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
-    """The configuration, in the assembly mode of the start, where coordinates are at positions.
+def _moved_to(engine: LoopEngine, start: Array, positions: Mapping[str, float]) -> Array:
+    """The configuration, in the assembly mode of the start, with coordinates at positions.
 
-    Joints that turn without end take the shorter way.
+    Joints without limits to their turns, whose entries of q are a cosine and a sine, take the
+    shorter way.
     """
-    mechanism = closer.loops.mechanism
+    mechanism = engine.loops.mechanism
     step = np.zeros(len(mechanism.coordinates))
     before = positions_of(mechanism.space, start, list(positions))
     for (name, wanted), position in zip(positions.items(), before, strict=True):
@@ -207,36 +231,43 @@ def _moved_to(closer: Closer, start: Array, positions: Mapping[str, float]) -> A
         if is_endless:
             distance -= 2 * np.pi * np.round(distance / (2 * np.pi))
         step[mechanism.coordinate_rate_names.index(name)] = distance
-    return closer.moved(start, step)
+    return engine.moved(start, step)
 
 
 def _assembled_from_start_or_example(
-    closer: Closer, start: Array, positions: Mapping[str, float]
+    engine: LoopEngine, start: Array, positions: Mapping[str, float]
 ) -> Array:
-    """The assembly nearest to the start, or to the example if only that one is at the positions."""
-    mechanism = closer.loops.mechanism
+    """The assembly near the positions, with the other joints from the start, or the example.
+
+    The example is used if the start leads to no assembly, or to one with other positions.
+    """
+    mechanism = engine.loops.mechanism
     try:
-        q = _assembled(closer, start, positions)
+        q = _assembled(engine, start, positions)
     except ClosureError:
-        return _assembled(closer, closer.loops.example(), positions)
+        return _assembled(engine, engine.loops.example(), positions)
     if _joints_at_other_positions(mechanism, q, positions):
         with suppress(ClosureError):
-            other = _assembled(closer, closer.loops.example(), positions)
+            other = _assembled(engine, engine.loops.example(), positions)
             if not _joints_at_other_positions(mechanism, other, positions):
                 return other
     return q
 
 
-def _assembled(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
-    """The assembly nearest to the start in which joints are at positions, or near these."""
-    guess = with_positions(closer.loops.mechanism.space, start, positions)
-    others = _other_rates(closer.loops.mechanism, positions)
-    assembly = closer.loops.assembly
-    return assembly.holding_brakes(others, lambda free: closer.closed(assembly.closer(guess, free)))
+def _assembled(engine: LoopEngine, start: Array, positions: Mapping[str, float]) -> Array:
+    """The assembly near the positions, with the other joints near the start.
+
+    First only the other joints move, to close the loops as far as they can. Then all dependent
+    joints move.
+    """
+    guess = with_positions(engine.loops.mechanism.space, start, positions)
+    others = _other_rates(engine.loops.mechanism, positions)
+    assembly = engine.loops.assembly
+    return assembly.holding_brakes(others, lambda free: engine.closed(assembly.closer(guess, free)))
 
 
 def _other_rates(mechanism: Mechanism, joints: Iterable[str]) -> Indices:
-    """Rates of all joints but these."""
+    """Indices in v of the rates of all joints but these."""
     return np.setdiff1d(np.arange(mechanism.model.nv), mechanism.space.rates_of(list(joints)))
 
 
@@ -259,9 +290,10 @@ def _joints_at_other_positions(
     return far
 
 
-def _warn(closer: Closer, why: str, cure: str) -> None:
+def _warn(engine: LoopEngine, why: str, cure: str) -> None:
+    """Warn that an assembly mode had to be chosen."""
     warn_caller(
-        f"model {closer.loops.mechanism.model.name}: {why}, so an assembly mode was chosen. Other "
+        f"model {engine.loops.mechanism.model.name}: {why}, so an assembly mode was chosen. Other "
         f"modes need other torques. Check the start; to choose it, {cure}",
         DescriptionWarning,
     )
