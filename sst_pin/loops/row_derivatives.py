@@ -2,24 +2,30 @@
 """Partial derivatives of the closures' rows on the tree: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists [v; omega] and
-wrenches [force; moment] have the axes and the origin of the world; x is the Lie bracket of twists.
+wrenches [force; moment] have the axes and the origin of the world. The acceleration a of a body is
+the rate of its twist t. The symbol x is the Lie bracket of twists.
 
-J_i is the twist that rate i of the tree gives at unit speed to all bodies after its joint. The body
-that carries this joint has the twist t_i and the acceleration a_i. A displacement of q_i turns and
-shifts all that stands after the joint. So it changes the twist t and the acceleration a of a frame
-there by
+J_i is the twist that rate i of the tree gives, at unit speed, to all bodies after its joint. The
+body that carries this joint has the twist t_i and the acceleration a_i. A change of q_i moves all
+that is after the joint as one body, with the twist J_i. This turns and shifts the twist t - t_i of
+a frame there relative to the carrying body:
 
-    dt/dq_i = J_i x (t - t_i),
+    dt/dq_i = J_i x (t - t_i).
+
+Its rate is the derivative of the acceleration, as a = dt/dt. J_i moves with the carrying body, so
+that dJ_i/dt = t_i x J_i = -J_i x t_i:
+
     da/dq_i = J_i x (a - a_i) - (J_i x t_i) x (t - t_i).
 
-With the parts that are the same for all frames,
+The parts of these derivatives that are the same for all frames are c_i and d_i:
 
-    c_i = J_i x t_i,    d_i = J_i x a_i - c_i x t_i,
+    c_i = J_i x t_i,                dt/dq_i = -t x J_i - c_i,
+    d_i = J_i x a_i - c_i x t_i,    da/dq_i = -a x J_i + t x c_i - d_i.
 
-these are
+The derivative of a = dt/dt by a rate v_i is that of t by q_i, plus dJ_i/dt.
 
-    dt/dq_i = -t x J_i - c_i,
-    da/dq_i = -a x J_i + t x c_i - d_i.
+`partials` is the main function. `TreeMotion` has c_i and d_i, `FrameMotions` the derivatives of
+twists and accelerations of frames.
 """
 
 from __future__ import annotations
@@ -37,7 +43,7 @@ from .loops import Loops
 from .rows import FrameRows
 from .vectors import bracket_matrix, brackets, hat
 
-#: The step h of `_wrench_derivatives`.
+#: The complex step h of `_wrench_derivatives`. Its square is below the rounding of any number.
 _STEP = 1e-50
 
 
@@ -63,6 +69,7 @@ class TreeMotion:
         self.J_dot = np.array(data.dJ).reshape(6, -1)
 
         # Column i has the rates that move the body that carries the joint of rate i; others are 0.
+        # So column i of t is t_i, and that of a is a_i.
         rates_before = tree.before * rates[:, None]
         accelerations_before = tree.before * accelerations[:, None]
         t = self.J.dot(rates_before)
@@ -71,11 +78,11 @@ class TreeMotion:
         self.d = brackets(self.J, a) - brackets(self.c, t)
 
     def frames(self, joints: Sequence[int], places: Sequence[Array]) -> FrameMotions:
-        """Motions of frames at places, shapes (4, 4), on bodies of the normal tree."""
+        """Motions of frames with placements, shapes (4, 4), on bodies of the normal tree."""
         return FrameMotions(self, self._loops.tree, joints, np.array(places))
 
     def frames_of(self, indices: Sequence[int]) -> FrameMotions:
-        """Motions of frames of the model."""
+        """Motions of frames of the model, by their indices."""
         frames = [self._loops.tree.model.frames[index] for index in indices]
         places = [self._loops.data.oMf[index].homogeneous for index in indices]
         return self.frames([frame.parentJoint for frame in frames], places)
@@ -85,19 +92,23 @@ class FrameMotions:
     """Twists of k frames, and the derivatives of their motions by the rates of the tree.
 
     Attributes:
-        J: Twist per rate, shape (k, 6, nv).
-        twist, acceleration: The twists t and their rates a, shape (k, 6).
-        twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
+        J: Jacobians: twists by each rate, shape (k, 6, nv).
+        twist: The twists t, shape (k, 6).
+        acceleration: Their rates a, shape (k, 6).
+        twist_q: dt/dq, shape (k, 6, nv).
+        acceleration_q: da/dq, shape (k, 6, nv).
+        acceleration_v: da/dv, shape (k, 6, nv).
         M: Placements of the frames, homogeneous matrices, shape (k, 4, 4).
-        M_q, M_dot_q: Derivatives of M and of its rate, shape (nv, k, 4, 4).
+        M_q: Derivatives of M by q, shape (nv, k, 4, 4): those by q_i are in M_q[i].
+        M_dot_q: Derivatives of the rate of M by q, shape (nv, k, 4, 4).
     """
 
     def __init__(
         self, motion: TreeMotion, tree: NormalTree, joints: Sequence[int], places: Array
     ) -> None:
-        # Which rates of the normal tree move a frame, shape (k, 1, rates). Rates of the model
-        # combine those of the normal tree by S.
-        moves = tree.supports[list(joints), None]
+        # Which rates of the normal tree move each frame, shape (k, 1, rates). Only their columns
+        # count. The product with S gives the columns for the rates of the model.
+        moves = tree.supports[list(joints)][:, None]
         J = (motion.J * moves).dot(tree.S)
         J_dot = (motion.J_dot * moves).dot(tree.S)
         c = (motion.c * moves).dot(tree.S)
@@ -106,28 +117,34 @@ class FrameMotions:
         self.J = J
         self.twist = J.dot(motion.v)
         self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
+        # The formulas in the text of the module, for all i at once.
         t_x = bracket_matrix(self.twist)
         a_x = bracket_matrix(self.acceleration)
         self.twist_q = -t_x @ J - c
         self.acceleration_q = -a_x @ J + t_x @ c - d
         self.acceleration_v = self.twist_q + J_dot
 
-        # M has the rate hat(t) M, and the derivative hat(J_i) M by q_i.
+        # M has the rate hat(t) M, and the derivative hat(J_i) M by q_i; the axis i comes first.
+        J_first = np.moveaxis(J, -1, 0)
+        twist_q_first = np.moveaxis(self.twist_q, -1, 0)
         self.M = places
-        self.M_q = hat(np.moveaxis(J, -1, 0)) @ places
-        self.M_dot_q = hat(np.moveaxis(self.twist_q, -1, 0)) @ places + hat(self.twist) @ self.M_q
+        self.M_q = hat(J_first) @ places
+        self.M_dot_q = hat(twist_q_first) @ places + hat(self.twist) @ self.M_q
 
 
 class ClosurePartials(NamedTuple):
-    """Rows of a closure of two frames and the motions of these frames, for loads on them."""
+    """The wrenches of a closure of two frames, and their derivatives.
 
-    #: The rows.
+    Attributes:
+        rows: The rows.
+        frames: Motions of frames B and A.
+        W: The wrenches [W_B, -W_A], shape (rows, 12).
+        W_q: Derivative of W by q, shape (rows, 12, nv).
+    """
+
     rows: FrameRows
-    #: Motions of frames B and A.
     frames: FrameMotions
-    #: The wrenches [W_B, -W_A], shape (rows, 12).
     W: Array
-    #: Derivative of W, shape (rows, 12, nv).
     W_q: Array
 
 
@@ -184,7 +201,7 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
         at = rows.at
         velocity_q[at] = W @ t_q + _along(W_q, t)
         acceleration_q[at] = W @ t_dot_q + _along(W_q, t_dot) + W_dot @ t_q + _along(W_dot_q, t)
-        # W_dot has the derivative W_q by v.
+        # Derivatives by v: W_q of W_dot = W_q v, and J of t = J v.
         acceleration_v[at] = W @ t_dot_v + W_dot @ J + _along(W_q, t)
         closures.append(ClosurePartials(rows, frames, W, W_q))
 
@@ -218,9 +235,10 @@ def _wrenches(rows: FrameRows, M: Array, twists: Array) -> tuple[Array, Array]:
 def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
     """Derivatives of W and of its rate by q, shapes (rows, 12, nv), by complex steps.
 
-    At M + i h M_q the imaginary part of W is h W_q, exact to rounding if h is tiny: nothing is
-    subtracted.
+    At M + i h M_q the imaginary part of W is h W_q, up to terms of h^3. It is exact to rounding for
+    a tiny h, as no difference of two numbers is taken.
     """
+    # All directions of q at once: the first axis is that of the rates.
     M = frames.M + 1j * _STEP * frames.M_q
     twists = frames.twist + 1j * _STEP * np.moveaxis(frames.twist_q, -1, 0)
     W, W_dot = _wrenches(rows, M, twists)
@@ -228,5 +246,5 @@ def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, A
 
 
 def _along(W_q: Array, t: Array) -> Array:
-    """Derivatives of W t, t held, shape (rows, nv), for t of shape (12,)."""
+    """Derivatives of W t by q, t held, shape (rows, nv): sums over i of W_q[r, i, :] t_i."""
     return np.einsum("riq,i->rq", W_q, t)
