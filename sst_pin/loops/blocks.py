@@ -53,9 +53,10 @@ def diagonal_blocks(mechanism: Mechanism, loops: Loops) -> list[Blocks]:
     Their ranks are judged at the mechanism's example. Without one, each part of Phi that shares no
     dependent rate with the others is one block.
     """
-    Phi = np.zeros(loops.touched.shape)  # without ranks, so that no loop determines its rates
     if mechanism.example is not None:
         Phi = scaled_Phi(mechanism, loops, mechanism.example)
+    else:
+        Phi = np.zeros(loops.touched.shape)  # of rank 0, so that no loop is a block of its own
     blocks_of_shape = dict[tuple[int, int], list[_Block]]()
     for rows, columns in connected(loops.touched[:, mechanism.dependent]):
         for block in _blocks_of_part(loops, Phi, rows, mechanism.dependent[columns]):
@@ -77,13 +78,13 @@ def diagonal_blocks(mechanism: Mechanism, loops: Loops) -> list[Blocks]:
 def _blocks_of_part(loops: Loops, Phi: Array, rows: Indices, rates: Indices) -> list[_Block]:
     """The diagonal blocks of one part of Phi.
 
-    A loop is a block if its rank is the number of its rates that are in no earlier block: it
-    determines these rates. This holds only if the ranks of all loops of the part add up to the
-    number of its rates. Otherwise other loops may determine the rates where one loop is singular,
-    and the part is one block.
+    A loop is a block if its rank is the number of its rates that are in no earlier block: then it
+    determines these rates. For this, the ranks of all loops of the part must add up to the number
+    of its rates. Otherwise other loops may determine the rates where one loop is singular, and the
+    part is one block.
     """
     blocks = list[_Block]()
-    # `ranks` are those of the loops that are in no block yet, as are `rows` and `rates`.
+    # `ranks`, `rows` and `rates` are of the loops that are in no block yet.
     ranks = _ranks_of_loops(loops, Phi, rows, rates)
     while sum(ranks.values()) == len(rates):
         closure = _determined_loop(loops, ranks, rates)
@@ -104,7 +105,7 @@ def _blocks_of_part(loops: Loops, Phi: Array, rows: Indices, rates: Indices) -> 
 
 
 def _determined_loop(loops: Loops, ranks: dict[int, int], rates: Indices) -> int | None:
-    """The first loop whose rank is the number of its rates among `rates`, by its closure."""
+    """The index of the first closure whose loop determines its rates among `rates`, or None."""
     for closure, rank in ranks.items():
         loop = loops.slices[closure]
         count = int(loops.touched[loop, rates].any(axis=0).sum())
