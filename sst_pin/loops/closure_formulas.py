@@ -12,14 +12,15 @@ Row r of -W_A is the reaction on A. Twists t = [v; omega] and wrenches [force; m
 and the origin of the world: v is the velocity of the point of the body that is at the world's
 origin.
 
-The classes below are the kinds, one after the other. Each computes
+The classes below are the kinds, one after the other; `formulas_of` at the end chooses from them.
+Each class computes
 
 - `error`: f, shape (rows,): 0 where the closure is closed, and for rows that hold rates only;
 - `W`: shape (..., rows, 12);
 - `W_dot`: the rate of W, shape (..., rows, 12), where the frames have the twists t_B and t_A.
 
-`W` and `W_dot` take placements with leading axes, and of complex numbers: `row_derivatives`
-differentiates them so.
+`W` and `W_dot` take placements with leading axes and with complex entries, from which
+`row_derivatives` computes derivatives.
 """
 
 from abc import ABC, abstractmethod
@@ -45,7 +46,8 @@ from .vectors import (
 #: A closure of two frames. An `ExtendedDistance` is a `Distance` too.
 FrameClosure = Closure | Distance | Rolling | Brake
 
-#: The matrices G_c = hat(e_c) of the unit twists e_c, shape (6, 4, 4).
+#: The matrices G_c = hat(e_c) of the unit twists e_c, shape (6, 4, 4): a placement X of a body with
+#: this twist has the rate G_c X.
 _GENERATORS = hat(np.eye(6))
 
 
@@ -102,20 +104,20 @@ class SamePlacement:
 
         f = [p_B - p_A; log(R_B R_A^T)],
 
-    in the axes of the world. Its rate is the twist of B at p_B minus the twist of A at p_A. The
-    matrix [I, -[p x]; 0, I] takes twists from the world's origin to p, so that
+    in the axes of the world. Its rate is the twist of B at p_B minus the twist of A at p_A. For a
+    twist t at the world's origin, the twist at p is [I, -[p x]; 0, I] t. So
 
         W = [I, -[p_B x], -I, [p_A x];
              0,  I,        0, -I     ].
 
     The first three rows are exact. The other three are exact where the orientations are equal.
-    Elsewhere the rate of the logarithm differs from the angular velocity, and W gives a good
-    direction for Newton's method.
+    Elsewhere the rate of the logarithm differs from the relative angular velocity, and W gives a
+    good direction for Newton's method.
 
-    Kernels have the first three rows in the axes of the last body that carries A and B. The rates
-    in Phi do not turn this body, so that Newton's step, Phi dq = -f, is the same in its axes and in
-    those of the world. In the axes of A it would be another one while the loop is open: the rate of
-    f there has the further term -omega_A x f.
+    Compiled kernels write the first three rows in the axes of the last body that carries both A and
+    B. The rates in Phi do not turn this body, so that Newton's step, Phi dq = -f, is the same in
+    both axes. In the axes of A it would differ while the loop is open: there the rate of f has the
+    further term -omega_A x f.
     """
 
     def __init__(self, origin: bool, orientation: bool) -> None:
@@ -129,15 +131,17 @@ class SamePlacement:
             held = slice(3, 6)
         self.rows = held.stop - held.start
 
-        # W is a constant plus a part that is linear in p = [p_B; p_A].
+        # W is a constant plus a part that is linear in p = [p_B; p_A]: the sum over k of p_k times
+        # the derivative of W by p_k.
         identity = np.eye(6)
         #: W for p = 0, shape (rows, 12).
         self._W_0 = np.hstack([identity, -identity])[held]
-        cross_products = skew(np.eye(3)).swapaxes(0, 1)  # [e_k x] is in [:, k]
         W_of_p = np.zeros((6, 6, 12))
-        W_of_p[:3, :3, 3:6] = -cross_products
-        W_of_p[:3, 3:, 9:] = cross_products
-        #: The derivative of W by entry k of p is in [:, k], shape (rows, 6, 12).
+        for k in range(3):
+            e_k_x = skew(np.eye(3)[k])
+            W_of_p[:3, k, 3:6] = -e_k_x  # by p_B
+            W_of_p[:3, 3 + k, 9:] = e_k_x  # by p_A
+        #: The derivative of W by p_k is in [:, k], shape (rows, 6, 12). `p.dot` sums over k.
         self._W_of_p = W_of_p[held]
 
     def error(self, pair: FramePair) -> Array:
@@ -155,8 +159,9 @@ class SamePlacement:
 
     def W_dot(self, pair: FramePair, W: Array, t_B: Array, t_A: Array) -> Array:
         if not self._origin:
-            return np.zeros_like(W)  # moments about the axes of the world
-        # The first three rows of W_B t_B are the velocity of p_B, those of -W_A t_A that of -p_A.
+            return np.zeros_like(W)  # the wrenches are moments about the axes of the world
+        # The first three rows of W_B t_B are the velocity of p_B. Those of W_A t_A are the velocity
+        # of p_A; W has -W_A.
         p_B_dot = (W[..., :3, :6] @ t_B[..., None])[..., 0]
         p_A_dot = -(W[..., :3, 6:] @ t_A[..., None])[..., 0]
         return np.concatenate([p_B_dot, p_A_dot], axis=-1).dot(self._W_of_p)
@@ -209,19 +214,19 @@ class HeldMotions(RelativeFormulas):
     At most two turns are held; `SamePlacement` holds three. The error of each row is an entry of
     X = [R p; 0 1], with a sign:
 
-    - A slide along i is held: f = p_i, entry (i, 3) of X.
-    - One turn i is held: with the next two axes x = i + 1 and y = i + 2 (cyclic), axis x of A stays
-      at a right angle to axis y of B: f = -R_xy.
-    - Two turns i are held: B may turn about the third axis y, which stays parallel to y of A. So
-      both other axes x of A stay at right angles to axis y of B: f = -R_xy or R_xy.
+    - A slide along axis i is held: f = p_i, entry (i, 3) of X.
+    - One turn is held, about axis i: let x = i + 1 and y = i + 2 be the next two axes (cyclic).
+      Axis x of A stays at a right angle to axis y of B: f = -R_xy.
+    - Two turns are held: B may turn about the third axis, y, which stays parallel to axis y of A.
+      So the other axes of A stay at right angles to axis y of B. The row of turn i, with x the axis
+      that is neither i nor y, has f = -R_xy or R_xy.
 
     The sign is such that f has the rate omega_i where B has the axes of A. With the angular
     velocity omega of B, the entry R_xy = e_x . y_B has the rate e_x . (omega x y_B), which is
     omega . (e_y x e_x) where y_B = e_y. This is -omega_i if e_x x e_y = e_i, else omega_i.
 
-    The wrench of a row has a component for each unit twist e_c. It is the rate of f for this twist.
-    As X has the rate hat(e_c) X = G_c X, the rate of entry (r, s) of X is row r of G_c times column
-    s of X.
+    Component c of the wrench of a row is the rate of f for the unit twist e_c. As X has the rate
+    hat(e_c) X = G_c X, entry (r, s) of X has the rate (row r of G_c) times (column s of X).
     """
 
     def __init__(self, slides: Sequence[int], turns: Sequence[int]) -> None:
@@ -250,15 +255,15 @@ class HeldMotions(RelativeFormulas):
         self._X_columns = np.array(X_columns)
         self._signs = np.array(signs)
         self.rows = len(signs)
-        G_rows = _GENERATORS[:, self._X_rows].swapaxes(0, 1)
+        G_rows = [sign * _GENERATORS[:, r] for r, sign in zip(X_rows, signs, strict=True)]
         #: For a row with the entry (r, s) of X: row r of each G_c, times the sign; (rows, 6, 4).
-        self._G = self._signs[:, None, None] * G_rows
+        self._G = np.array(G_rows)
 
     def f(self, X: Array) -> Array:
         f: Array = self._signs * X[self._X_rows, self._X_columns]
         y = self._free_axis
         if y is not None and X[y, y] < 0:  # the two axes y are more than 90 degrees apart
-            f[-2:] = _beyond_right_angle(f[-2:])
+            f[-2:] = _beyond_right_angle(f[-2:])  # the rows of turns are last
         return f
 
     def w(self, X: Array) -> Array:
@@ -272,12 +277,11 @@ class HeldMotions(RelativeFormulas):
 def _beyond_right_angle(f: Array) -> Array:
     """f of two held turns, shape (2,), where y of B is tilted by more than 90 degrees from y of A.
 
-    At a tilt t, f is sin t u with a unit vector u, and its derivative by t is cos t u. Beyond 90
-    degrees cos t is negative, so that Newton's method would increase the tilt. The result is
+    At a tilt t, f is (sin t) u with a unit vector u, and its derivative by t is (cos t) u. Beyond
+    90 degrees cos t is negative, so that Newton's method would increase the tilt. The result is
     f - 2 u = -(2 - sin t) u. Its derivative by t is the same, but its sign is opposite: Newton's
-    method reduces the tilt. Its size 2 - sin t is continuous at 90 degrees and grows to two at 180
-    degrees. Its derivative where u turns is another one than that of f; this does no harm, because
-    the step goes along u.
+    method reduces the tilt. Its size 2 - sin t is 1 at 90 degrees, as that of f, and 2 at 180
+    degrees. W neglects that u also turns with B; this does no harm, because the step goes along u.
     """
     size = np.linalg.norm(f)
     direction = f / size if size else np.array([1.0, 0.0])
@@ -322,9 +326,10 @@ class RollingContact(RelativeFormulas):
     """A wheel or ball B rolls on the x-y plane of A: its point of contact rests on the plane.
 
     The point of contact is c = p - radius n, where the unit vector n points from it to the centre
-    of B. The forces act along x, y and z through c: w = [identity, moments c x e_i]. Only the third
-    row has an error, the height of c over the plane. As c is the lowest point of B, the height
-    changes as that of the point of B which is at c. The first two rows hold the velocity of slip.
+    of B. The forces act along x, y and z through c: w = [identity, moments c x e_i]. So W t is the
+    velocity of the point of B that is at c. The first two rows hold its velocity along the plane,
+    the slip; they have no error. The error of the third row is the height of c over the plane. The
+    height of c has the same rate as that of the point of B at c, as c is the lowest point of B.
     """
 
     rows = 3
@@ -363,6 +368,7 @@ class RollingContact(RelativeFormulas):
         z = np.broadcast_to([0.0, 0.0, 1.0], (*X.shape[:-2], 3))
         if self._ball:
             return np.zeros_like(z)
+        # d/dt (z - (z . a) a), with constant z
         a = X[..., :3, 2]
         a_dot = X_dot[..., :3, 2]
         return np.asarray(-inner(z, a_dot) * a - inner(z, a) * a_dot)
