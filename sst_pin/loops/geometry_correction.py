@@ -1,29 +1,43 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Corrects rounded placements that keep overconstrained loops from moving.
 
-An overconstrained loop moves only because its axes are parallel, meet in one point, or the like.
-With rounded placements they do so only roughly, and redundant rows contradict each other. The
-placements of such a loop are displaced as little as possible, so that it closes in all poses.
+An overconstrained loop has redundant rows in Phi. It moves only because its axes are parallel, meet
+in one point, or the like. With rounded placements this holds only roughly, and the redundant rows
+contradict each other. This module displaces the placements of such a loop as little as possible, so
+that the loop closes in all poses.
 
-At a pose, motions of the joints change f within the range of Phi only. Let the columns of U be an
-orthonormal basis of the rest: the left singular vectors of Phi beyond its rank. No motion changes
-U^T f. So the loops close next to this pose if displacements d of the placements fulfil
+Terms:
 
-    U^T (f + F d) = 0,    F = df/dd.
+- A *part* is a set of loops that share no row and no rate with other loops. Parts are corrected one
+  after the other.
+- A *place* is a joint or a frame of a closure; see `model/geometry`. The vector d has displacements
+  of all places of a part, [linear; angular] for each place.
+- The *gap* of a part at a pose is its largest error, free of units. It is 0 if the part is closed
+  to the rounding of floats.
+- The *start* is a pose near home, closed as well as possible. The other poses are found around it.
 
-This must hold in many poses at once, home among them. Gauss-Newton's method finds the shortest d.
-With rounded placements, Phi has no exact rank. The loops are closed by least squares; there, the
-singular values of the mechanism are orders larger than those that rounding makes, and the rank is
-the number of the former.
+At a pose, let the columns of N be an orthonormal basis of the left null space of Phi: N^T Phi = 0.
+Motions dq of the joints change f by Phi dq, so that they do not change N^T f. Displacements d of
+the places change f by F d. So the loops can be closed next to this pose if
 
-Axes may be almost parallel on purpose. So a correction is kept only where the errors of the
-original are rounding. `_is_justified` refuses it
+    N^T (f + F d) = 0,    F = df/dd.
 
-1. if the original is far from closed where the corrected loop closes: that is another robot;
-2. if the original closes exactly at the start, and its numbers are not rounded;
-3. if the original moves as it is, from a home that is closed to the rounding of floats;
-4. if the original moves as it is, and the displacements are larger than the rounding of its
-   numbers, or the gap at the start, explains.
+This must hold at many poses at once. Gauss-Newton's method finds the shortest d.
+
+N depends on the rank of Phi, which is not exact if placements are rounded. So the rank is judged at
+poses where the loops are closed as well as possible, by least squares. There the singular values
+that rounding makes are orders of magnitude smaller than the others. The rank is the number of the
+others.
+
+Axes may be almost parallel on purpose. So a correction is kept only if the errors of the original
+robot are rounding. `_is_justified` refuses a correction
+
+1. if the original is far from closed at a pose where the corrected part closes: the correction
+   would make another robot;
+2. if the original closes at the start, and its numbers are not rounded;
+3. if the original moves without a correction, from a home that is closed to the rounding of floats;
+4. if the original moves without a correction, and the displacements are larger than its rounding
+   explains. The rounding is that of its numbers, or its gap at the start if this is larger.
 """
 
 from collections import Counter
@@ -47,50 +61,58 @@ from .guesses import home_of, random_step
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-# The robots of test_rounded_numbers are corrected as well with a third and three times `_GAP` and
-# `_FAR`, with a tenth and ten times `_NOISE`, and with 0.1 and 0.5 for `_MANY`.
+# Numbers of poses, tries and steps, and the widths of random steps, are choices. If they are too
+# small, a part stays as it is in the file: open by its rounding, or rigid. Widths are [rad], or
+# lengths of the loop.
 
-#: Widths of random displacements until the loops close, [rad] or lengths of the loop. The first try
-#: starts from home or `pin.neutral`, each further one from the pose of the last.
+#: Widths of random steps to the start. The first try steps from home or `pin.neutral`, each other
+#: try from the pose of the last one. The last try spreads angles over the whole turn.
 _STARTS = np.linspace(0.0, 2.0, 21)
-#: Widths of random displacements from the start to poses in which a corrected loop must close.
+#: Widths of random steps from the start to poses in which a corrected part must close.
 _POSES = np.linspace(0.1, 1.0, 16)
-#: The number of these poses that tell whether a loop closes as it is.
-_LOOKS = 3
-#: Widths of random displacements to poses that check the result.
+#: A part needs no correction if it closes in the first poses of `_POSES`; their number.
+_FIRST_POSES = 3
+#: Widths of random steps from the start to poses that check a correction.
 _CHECKS = np.linspace(0.15, 1.05, 8)
-#: The rank is clear if the largest singular value that rounding makes is at most this part of the
-#: smallest one of the mechanism: it stays the same even if rounding makes ten times as much.
-_GAP = 0.1
-#: Loops that stay open by more in all poses may be far from the poses in which they close.
-_FAR = 10 * ROUNDED_PLACEMENTS
-#: Gauss-Newton's method: most steps. Each step squares the gap, so that three are enough from
-#: `ROUNDED_PLACEMENTS`; more are needed where small singular values count only as the gap falls.
-_STEPS = 12
-#: It ends at this gap, some tens of roundings of numbers of size one.
-_CLOSED = 1e-14
-#: Singular values of its equations count as zero below this part of the largest one: smaller ones
-#: are rounding. With 1e-11, the correction of a scissor depends on the unit of length.
-_LEAST = 1e-9
-#: They count as zero also below this multiple of the gap, as the equations are wrong by about the
-#: gap.
-_NOISE = 30.0
-#: Corrections of a part: in the poses, then twice with poses in which it stayed open.
+#: Largest number of corrections of a part. Each one after the first has more poses.
 _TRIES = 3
-#: A loop moves as it is if it closes after each of some steps: their number.
+#: A part moves without a correction if it closes after each of this number of steps.
 _MOTION_STEPS = 3
-#: Their length, [rad] or lengths of the loop. A rigid part may seem closed up to some 1e-5 in a
-#: singular pose, where its error grows with the square of the motion.
+#: Length of these steps. A rigid part in a singular pose may seem closed after steps of 1e-5, as
+#: its error grows with the square of the step; this step is much longer.
 _MOTION = 0.05
+
+# The next numbers have a wide range: the robots of tests/loops/test_rounded_numbers.py are
+# corrected as well with a third and three times `_RANK_GAP` and `_FAR`, and with a tenth and ten
+# times `_NOISE`.
+
+#: The rank is clear if the largest singular value that rounding makes is at most this part of the
+#: smallest other one. Then it stays the same even if rounding makes ten times as much.
+_RANK_GAP = 0.1
+#: A part that stays open by more than this in all poses is neither corrected nor refused: its poses
+#: may be far from those in which it closes.
+_FAR = 10 * ROUNDED_PLACEMENTS
+#: Gauss-Newton's method ignores singular values of its equations below this multiple of the error
+#: |N^T f|: the equations, which are linear in d, are wrong by about this error.
+_NOISE = 30.0
+
+#: Gauss-Newton's method also ignores singular values below this part of the largest one: they are
+#: rounding. With 1e-11, the correction of a scissor lift depended on the unit of length.
+_ROUNDED = 1e-9
+#: It ends at this error |N^T f|, some tens of roundings of numbers of size one.
+_SOLVED = 1e-14
+#: Its largest number of steps. Each step about squares the error, so that three are enough from
+#: `ROUNDED_PLACEMENTS`. The others are for small singular values, which the error hides at first.
+_STEPS = 12
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Loops that share no row and no rate with others.
+    """Loops that share no row and no rate with other loops.
 
     Attributes:
-        rows: Indices of the rows that have an error.
-        rates: Indices of the rates that they connect.
+        rows: Indices of its rows in f and Phi, without rows that hold rates only.
+        rates: Indices in v of the rates on which these rows depend.
     """
 
     rows: Indices
@@ -99,12 +121,12 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Correction:
-    """What corrects one part: a robot in which it closes.
+    """The correction of one part.
 
     Attributes:
-        robot: The robot with displaced placements.
+        robot: The robot with displaced places, in which the part closes.
         size: The largest displacement, [rad] or lengths of the loop.
-        poses: Regular poses in which the part closes.
+        poses: Regular poses of this robot in which the part closes.
     """
 
     robot: "_Robot"
@@ -126,16 +148,16 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         original = _Robot(mechanism)
         start = original.start()
         rates = np.arange(mechanism.model.nv)
-        # Independent rows contradict each other nowhere.
+        # Independent rows cannot contradict each other.
         suspects = [p for p in original.parts if not original.has_independent_rows(start, p)]
         if not suspects:
             return mechanism
-        # A few poses show most parts that close as they are; only the others need all poses.
-        poses = [original.closest(start, rates, width) for width in _POSES[:_LOOKS]]
+        # Most parts close without a correction, and a few poses show this.
+        poses = [original.closest(start, rates, width) for width in _POSES[:_FIRST_POSES]]
         suspects = [p for p in suspects if not all(original.closes(q, p) for q in poses)]
         if not suspects:
             return mechanism
-        poses += [original.closest(start, rates, width) for width in _POSES[_LOOKS:]]
+        poses += [original.closest(start, rates, width) for width in _POSES[_FIRST_POSES:]]
         return _corrected(original, suspects, start, poses)
 
 
@@ -147,7 +169,8 @@ def _corrected(
     The poses are those around the start.
     """
     corrected = original
-    errors_before = np.zeros(len(original.loops.f))  # for the warning
+    # For the warning: the largest error of each row of the original.
+    errors_before = np.zeros(len(original.loops.f))
     for part in parts:
         original.require_closing([start, *poses], part)
         correction = _justified_correction(original, corrected, part, start, poses)
@@ -165,21 +188,21 @@ def _corrected(
 def _justified_correction(
     original: "_Robot", corrected: "_Robot", part: _Part, start: Array, poses: Sequence[Array]
 ) -> _Correction | None:
-    """A correction of one part of `corrected`, which has the placements of the parts before.
+    """A correction of one part, if it is needed, found and justified; else None.
 
-    There is none if the part closes as it is, if no small displacement makes it close, or if it is
-    not justified.
+    `corrected` is the robot with the corrections of the parts before. The part is judged on the
+    original, and then corrected on `corrected`.
     """
     closed = [q for q in [start, *poses] if original.gap(q, part) <= ROUNDED_PLACEMENTS]
     rank = _rank_of_overconstrained(original, part, closed)
     if rank is None:
         return None  # its rank is not clear, or its rows are independent
-    fitting = [q for q in closed if original.rank(q, part) == rank]
-    # Exact loops may stay open in a few poses, next to which there is no closed one.
-    closes_mostly = np.median([original.gap(q, part) for q in fitting]) == 0
-    if closes_mostly:
+    regular = [q for q in closed if original.rank(q, part) == rank]
+    # A few poses of an exact loop may stay open, if no closed pose is near them. So the part needs
+    # no correction if it closes in at least half of the poses.
+    if np.median([original.gap(q, part) for q in regular]) == 0:
         return None
-    correction = _find_correction(corrected, part, rank, start, fitting)
+    correction = _find_correction(corrected, part, rank, start, regular)
     if correction is None:
         return None  # no small displacement makes it close
     if not _is_justified(correction, original, part, start):
@@ -189,28 +212,29 @@ def _justified_correction(
 
 def _is_justified(correction: _Correction, original: "_Robot", part: _Part, start: Array) -> bool:
     """Whether the errors of the original are rounding, and not what somebody wanted."""
-    # The numbers of the reasons are those in the text of the module.
+    # The numbers are those of the list in the text of the module.
     for q in correction.poses:
         if original.gap(original.closest(q, part.rates), part) > ROUNDED_PLACEMENTS:
             return False  # 1
     rounding = original.rounding(start, part)
     if rounding == 0:
-        return False  # 2: it closes at the start, perhaps in this pose only
+        return False  # 2
     home = home_of(original.mechanism)
     if home is not None and not original.gap(home, part) and original.moves(home, part):
-        # 3: loops with rounded placements would be open at the home of the file. So its short
+        # 3: With rounded placements the loops would be open at the home of the file. So its short
         # numbers, such as 0.25, are exact.
         return False
     if correction.size <= EXPLAINED * rounding:
-        return True  # the errors are rounding
-    # 4: if it does not move as it is, it would be a rigid frame without the correction.
+        return True
+    # 4: A part that does not move is a rigid frame, which nobody wants as a loop of a robot.
     return not original.moves(start, part)
 
 
 def _rank_of_overconstrained(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
-    """The rank of an overconstrained part in poses in which it is closed; None if there is none.
+    """The rank of Phi in an overconstrained part, from poses in which the part is closed.
 
-    It is the largest rank of at least three poses, as ranks are lower near singularities.
+    Near singularities the rank is lower, so the result is the largest rank that at least three
+    poses have. It is None if the rank is not clear, or if the rows are independent.
     """
     counts = Counter(robot.rank(q, part) for q in poses)
     ranks = [rank for rank, count in counts.items() if rank is not None and count > 2]
@@ -222,23 +246,23 @@ def _rank_of_overconstrained(robot: "_Robot", part: _Part, poses: Sequence[Array
 def _find_correction(
     robot: "_Robot", part: _Part, rank: int, start: Array, poses: Sequence[Array]
 ) -> _Correction | None:
-    """A correction with which a part closes in these poses and in others; None if none is found.
+    """A correction with which a part closes in all regular poses; None if none is found.
 
-    Each try displaces the placements further, so that the part closes in the poses. Then other
-    poses around the `start` check it. If the part stays open in a regular one of them, the next try
-    has all these regular poses too.
+    Each try displaces the places further, so that the part closes in the given poses. Then other
+    poses around the start check the result. If the part stays open in a regular one of them, the
+    next try has these poses too.
     """
     corrected = robot
-    # Poses of earlier placements: `with_displacements` moves the joints on to closed poses.
     fitting = list(poses)
     total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
+        # The poses were found with earlier placements. `with_displacements` closes them again.
         corrected, displacements = corrected.with_displacements(fitting, part, rank)
         total += displacements
-        # Another width gives another random direction: these poses are not those of other tries.
+        # The direction of a random step depends on its width: each try has other poses.
         widths = [0.0, *(_CHECKS + k / 100)]
         checks = [corrected.closest(start, part.rates, width) for width in widths]
-        # Poses with larger gaps are next to no closed pose, and those of lower rank are singular.
+        # A pose with a larger gap has no closed pose near it. A pose of lower rank is singular.
         closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
         regular = [q for q in closed if corrected.rank(q, part) == rank]
         if regular and not any(corrected.gap(q, part) for q in regular):
@@ -249,12 +273,12 @@ def _find_correction(
 
 
 class _Robot:
-    """A mechanism, with its poses in which the loops are closed as far as rounding allows.
+    """A mechanism with methods that find and judge its poses, and displace its places.
 
     Attributes:
         mechanism: The mechanism.
         loops: Its loops.
-        parts: Loops that share no row and no rate.
+        parts: The parts of its loops.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -270,7 +294,10 @@ class _Robot:
     # --- poses ------------------------------------------------------------------------------
 
     def start(self) -> Array:
-        """A pose near home, or near `pin.neutral`, in which as many parts as possible close."""
+        """A pose near home, or near `pin.neutral`, in which all parts close if possible.
+
+        In each try, only the parts that are still open move.
+        """
         home = home_of(self.mechanism)
         q = pin.neutral(self.mechanism.model) if home is None else home
         for width in _STARTS:
@@ -281,9 +308,10 @@ class _Robot:
         return q
 
     def closest(self, q: Array, rates: Indices, width: float = 0.0) -> Array:
-        """The pose next to q with the smallest gaps, after a random displacement of some rates.
+        """The pose of least gaps near q, after a random step of some rates.
 
-        The same width always gives the same displacement, another width another direction.
+        The same width always gives the same step, another width another direction. Small singular
+        values, which rounded placements make, count as zero.
         """
         step = np.zeros(self.mechanism.model.nv)
         step[rates] = random_step(self.mechanism, width)[rates]
@@ -291,11 +319,10 @@ class _Robot:
         return self._assembly.closer(q, rates, ROUNDED_PLACEMENTS)
 
     def moves(self, q: Array, part: _Part) -> bool:
-        """Whether a part closes, to rounding, along a motion from near q.
+        """Whether a part closes to the rounding of floats along a motion from near q.
 
-        All rows must be satisfied, also those that contradict each other because placements are
-        rounded. So the loops are closed by `Assembly.closer` with its own tolerance: `closest`
-        takes the small singular values of such rows for zero.
+        Unlike in `closest`, small singular values count here: rows that contradict each other
+        because placements are rounded must be satisfied too.
         """
         rates = part.rates
         model = self.mechanism.model
@@ -322,35 +349,37 @@ class _Robot:
     # --- at a pose --------------------------------------------------------------------------
 
     def gap(self, q: Array, part: _Part) -> float:
-        """How far a part is open, free of units; 0 if it is closed."""
+        """Largest error of a part, free of units; 0 if it is closed to the rounding of floats."""
         return self._assembly.gap(q, part.rows)
 
     def closes(self, q: Array, part: _Part) -> bool:
-        """Whether a part is closed to rounding at q, and its rank is clear."""
+        """Whether a part is closed to the rounding of floats, and its rank is clear."""
         return not self.gap(q, part) and self.rank(q, part) is not None
 
     def has_independent_rows(self, q: Array, part: _Part) -> bool:
-        """Whether a part is closed and no row is redundant, so that none contradict each other."""
+        """Whether a part is closed as far as rounded placements allow, and no row is redundant."""
         return self.gap(q, part) <= ROUNDED_PLACEMENTS and self.rank(q, part) == len(part.rows)
 
     def rank(self, q: Array, part: _Part) -> int | None:
-        """Rank of a part; None if its singular values have no gap."""
-        sizes = np.append(np.linalg.svd(self._Phi(q, part), compute_uv=False), 0.0)
+        """Rank of Phi in a part; None if it is not clear which singular values are rounding."""
+        sizes = np.linalg.svd(self._Phi(q, part), compute_uv=False)
+        sizes = np.append(sizes, 0.0)  # so that there is a value after the last one that counts
         rank = int((sizes > ROUNDED_PLACEMENTS * sizes.max(initial=1.0)).sum())
         smallest = sizes[rank - 1] if rank else 1.0
-        return rank if sizes[rank] <= _GAP * smallest else None
+        largest_rounding = sizes[rank]
+        return rank if largest_rounding <= _RANK_GAP * smallest else None
 
     def errors(self, q: Array, part: _Part) -> Array:
-        """Sizes of f at q in the rows of a part, zero in the others, shape (rows,)."""
+        """|f| at q in the rows of a part, [m] or [rad], and 0 in other rows, shape (rows,)."""
         self.loops.evaluate(q)
         errors = np.zeros(len(self.loops.f))
         errors[part.rows] = np.abs(self.loops.f[part.rows])
         return errors
 
     def require_closing(self, poses: Sequence[Array], part: _Part) -> None:
-        """Refuse an overconstrained part that is open in all poses by more than rounding.
+        """Refuse an overconstrained part that is open in all poses by more than rounding explains.
 
-        A part that is open by more than `_FAR` passes: its poses may be far from closed ones.
+        A part that is open by more than `_FAR` is not refused.
         """
         best = min(poses, key=lambda q: self.gap(q, part))
         rank = self.rank(best, part)
@@ -360,12 +389,12 @@ class _Robot:
             return
         errors = self.errors(best, part)
         scaled = errors * self.mechanism.row_scale
-        # Beside the open rows, the others have errors of rounding.
-        least = ROUNDED_PLACEMENTS * scaled.max()
+        # The error names closures whose errors are not much smaller than the largest one.
+        bound = ROUNDED_PLACEMENTS * scaled.max()
         names = [
             str(closure)
             for closure, rows in zip(self.mechanism.closures, self.loops.slices, strict=True)
-            if scaled[rows].max(initial=0.0) > least
+            if scaled[rows].max(initial=0.0) > bound
         ]
         raise ClosureError(
             f"the loops at {listed(names, 4)} stay open by {errors.max():.3g} (m or rad) in the "
@@ -374,6 +403,7 @@ class _Robot:
         )
 
     def _Phi(self, q: Array, part: _Part) -> Array:
+        """Phi of a part at q, free of units, shape (its rows, its rates)."""
         return scaled_Phi(self.mechanism, self.loops, q)[np.ix_(part.rows, part.rates)]
 
     # --- placements -------------------------------------------------------------------------
@@ -381,24 +411,24 @@ class _Robot:
     def with_displacements(
         self, poses: Sequence[Array], part: _Part, rank: int
     ) -> tuple["_Robot", Array]:
-        """The robot with displaced placements, so that a part closes next to these poses.
+        """A robot with displaced places, in which a part closes next to these poses.
 
         Also returns the displacements d of all places, [linear; angular] for each, in lengths of
         the loop and [rad], shape (6 places,).
         """
         places = self.places(part)
-        # Each step of Gauss-Newton's method makes another robot. Its joints follow in each pose.
         robot = self
         total = np.zeros(6 * len(places))
+        # Each step of Gauss-Newton's method displaces the places, and then moves the joints.
         for _ in range(_STEPS):
             equations = [robot._equations(q, part, rank, places) for q in poses]
-            gap = max(float(np.abs(x.f_left).max(initial=0.0)) for x in equations)
-            if gap < _CLOSED:
+            error = max(float(np.abs(x.N_f).max(initial=0.0)) for x in equations)
+            if error < _SOLVED:
                 break
-            # The shortest d with U^T (f + F d) = 0 in all poses.
-            F_left = np.vstack([x.F_left for x in equations])
-            f_left = np.concatenate([x.f_left for x in equations])
-            d = -np.linalg.lstsq(F_left, f_left, rcond=max(_LEAST, _NOISE * gap))[0]
+            # The shortest d with N^T (f + F d) = 0 in all poses.
+            N_F = np.vstack([x.N_F for x in equations])
+            N_f = np.concatenate([x.N_f for x in equations])
+            d = -np.linalg.lstsq(N_F, N_f, rcond=max(_ROUNDED, _NOISE * error))[0]
             poses = [robot._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
             robot = robot._displaced(part, places, d)
             total += d
@@ -407,24 +437,20 @@ class _Robot:
     def _equations(
         self, q: Array, part: _Part, rank: int, places: Mapping[str, int | None]
     ) -> "_Equations":
-        """The equations U^T (f + F d) = 0 at one pose, d in lengths of the loop and [rad].
-
-        The columns of U in the text of the module are `U_left` here. G is the pseudoinverse of Phi
-        with this rank.
-        """
+        """The equations N^T (f + F d) = 0 at one pose, where Phi counts with this rank."""
         U, s, Vt = np.linalg.svd(self._Phi(q, part))  # evaluates the loops at q
         row_scale = self.mechanism.row_scale[part.rows]
         f = self.loops.f[part.rows] * row_scale
         F = by_displacements(self.loops, places)[part.rows] * row_scale[:, None]
         F = F * self._units_of_d(part, places)
-        U_left = U[:, rank:]
-        G = Vt[:rank].T / s[:rank] @ U[:, :rank].T
-        return _Equations(f=f, F=F, f_left=U_left.T @ f, F_left=U_left.T @ F, G=G)
+        N = U[:, rank:]
+        pseudoinverse = Vt[:rank].T / s[:rank] @ U[:, :rank].T
+        return _Equations(f=f, F=F, N_f=N.T @ f, N_F=N.T @ F, Phi_inverse=pseudoinverse)
 
     def _followed(self, q: Array, part: _Part, equations: "_Equations", d: Array) -> Array:
-        """The pose next to q after displacements d: joint motions remove what they can of f."""
+        """The pose next to q after displacements d: Phi dq = -(f + F d), by least squares."""
         step = np.zeros(self.mechanism.model.nv)
-        step[part.rates] = -equations.G @ (equations.f + equations.F @ d)
+        step[part.rates] = -equations.Phi_inverse @ (equations.f + equations.F @ d)
         return pin.integrate(self.mechanism.model, q, step * self.mechanism.rate_scale)
 
     def _displaced(self, part: _Part, places: Mapping[str, int | None], d: Array) -> "_Robot":
@@ -435,13 +461,12 @@ class _Robot:
         return _Robot(replace(self.mechanism, model=model))
 
     def _units_of_d(self, part: _Part, places: Mapping[str, int | None]) -> Array:
-        """One unit of each displacement: a length of the loop, [m], or 1 rad, shape (6 places,)."""
-        length = 1 / self._per_length(part)
-        return np.tile(np.repeat([length, 1.0], 3), len(places))
+        """The units of d: the length of the loops, [m], or 1 rad, shape (6 places,)."""
+        return np.tile(np.repeat([self._length(part), 1.0], 3), len(places))
 
-    def _per_length(self, part: _Part) -> float:
-        """One over the length of the loops of a part, [1/m]."""
-        return float(1 / self.mechanism.row_lengths[part.rows].min())
+    def _length(self, part: _Part) -> float:
+        """The length of the loops of a part, [m]; the least one if there are several."""
+        return float(self.mechanism.row_lengths[part.rows].min())
 
     def rounding(self, q: Array, part: _Part) -> float:
         """Size of the rounding of a part, [rad] or lengths of the loop.
@@ -454,14 +479,14 @@ class _Robot:
         for place in self.places(part):
             _, placement = place_of(self.mechanism.model, place)
             numbers += [*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)]
-        last_digit = half_a_digit(np.array(numbers)) * self._per_length(part)
+        last_digit = half_a_digit(np.array(numbers)) / self._length(part)
         return max(last_digit, self.gap(self.closest(q, part.rates), part))
 
     def places(self, part: _Part) -> dict[str, int | None]:
-        """The places that may be displaced: joints of a part, and frames of one closure only.
+        """The places that may be displaced, by their names: None for a joint, the index of a frame.
 
-        The keys are names. The value of a joint is None, that of a frame its index. A name that
-        joints and frames share means the joint, so such a frame is not displaced.
+        They are the joints of the part, and the frames of its closures. A frame that several
+        closures use, or that has the name of a joint, is not displaced.
         """
         model = self.mechanism.model
         closures = self.mechanism.closures
@@ -484,57 +509,63 @@ class _Robot:
 
 @dataclass(frozen=True)
 class _Equations:
-    """How the errors of a part depend on displacements d at a pose, all free of units.
+    """The equations N^T (f + F d) = 0 of a part at a pose; d is in lengths of the loop and [rad].
 
     Attributes:
-        f: Errors, shape (rows,).
-        F: Their derivatives by d, shape (rows, displacements).
-        f_left: U^T f, the part of f that no motion of joints removes.
-        F_left: U^T F: d has to fulfil f_left + F_left d = 0.
-        G: Joints move by -G f to remove the rest of f, shape (rates, rows).
+        f: Errors, free of units, shape (rows,).
+        F: Their derivatives by d, shape (rows, 6 places).
+        N_f: N^T f, the errors that no motion of the joints removes, shape (rows - rank,).
+        N_F: N^T F, shape (rows - rank, 6 places).
+        Phi_inverse: Pseudoinverse of Phi, shape (rates, rows).
     """
 
     f: Array
     F: Array
-    f_left: Array
-    F_left: Array
-    G: Array
+    N_f: Array
+    N_F: Array
+    Phi_inverse: Array
 
 
 # --- derivatives by displacements ----------------------------------------------------------------
 
 
 def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
-    """Derivatives of f by displacements of places, see `geometry`, shape (rows, 6 places).
+    """F, the derivatives of f by displacements of places, [m] and [rad], shape (rows, 6 places).
 
-    A place is a joint, with None, or a frame, with its index.
+    The keys of `places` are names. A value is None for a joint, or the index of a frame. `loops`
+    must be evaluated at a configuration.
     """
     model = loops.model
     W = loops.W
-    by = np.zeros((len(loops.f), len(places), 6))
+    F = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
-        # Column i: the twist [v; omega] in the world of a unit of displacement i, linear along the
-        # axes of the body that carries the place, angular about the axes of the place.
+        # Column i of `twists` is the twist [v; omega], at the origin of the world, of a unit rate
+        # of displacement i: linear along the axes of the body that carries the place, angular about
+        # the axes of the place.
         body, placement = place_of(model, place)
-        oMcarrier = loops.data.oMi[loops.tree.bodies[body]]
-        twists = (oMcarrier * placement).action
-        twists[:3, :3] = oMcarrier.rotation
+        carrier = loops.data.oMi[loops.tree.bodies[body]]
+        twists = (carrier * placement).action
+        twists[:3, :3] = carrier.rotation
         for rows in loops.of_frames:
             frame_b, frame_a = rows.frames  # in the normal tree, which keeps the indices of frames
             moves_b = _moves(model, place, frame, frame_b)
             moves_a = _moves(model, place, frame, frame_a)
-            W_b = W[rows.at, :6]  # f_dot = W_b twist_b + W_a twist_a
-            W_a = W[rows.at, 6:]
-            # A place that moves both frames in the same way does not change the closure.
+            # df/dt = W [t_B; t_A]
+            W_of_b = W[rows.at, :6]
+            W_of_a = W[rows.at, 6:]
+            # A place that moves both frames as one body does not change the closure.
             if moves_b and not moves_a:
-                by[rows.at, k] = W_b @ twists
+                F[rows.at, k] = W_of_b @ twists
             if moves_a and not moves_b:
-                by[rows.at, k] = W_a @ twists
-    return by.reshape(len(by), -1)
+                F[rows.at, k] = W_of_a @ twists
+    return F.reshape(len(F), -1)
 
 
 def _moves(model: pin.Model, place: str, frame: int | None, end: int) -> bool:
-    """Whether a displacement of a place moves the frame `end`: itself, or one after the joint."""
+    """Whether a displacement of a place moves the frame with the index `end`.
+
+    A frame moves itself only. A joint moves all frames after it.
+    """
     if frame is not None:
         return frame == end
     return model.frames[end].parentJoint in model.subtrees[model.getJointId(place)]
@@ -545,23 +576,26 @@ def _moves(model: pin.Model, place: str, frame: int | None, end: int) -> bool:
 #: A number is rounded if it has fewer digits after the point than this.
 _DIGITS = 9
 #: Numbers count as rounded to k digits if more than this part of them have at most k digits after
-#: the point: the others may be products of rounded numbers.
+#: the point. The other numbers may be products of rounded ones. The robots of
+#: tests/loops/test_rounded_numbers.py are corrected as well with 0.1 and 0.5.
 _MANY = 0.25
-#: A number is whole if it is off by less. Random numbers are so with a probability of 2e-4.
+#: A number is whole if it differs by less from a whole number. A random number does so with a
+#: probability of 2e-4.
 _WHOLE = 1e-4
 
 
 def half_a_digit(numbers: Array) -> float:
     """Half a unit of the last digit of rounded numbers; 0 if they are not rounded.
 
-    Exact short numbers, such as 0.25, count as rounded: the text of a file cannot tell.
+    Exact short numbers, such as 0.25, count as rounded, as they look the same in a file.
     """
     numbers = np.abs(numbers[np.abs(numbers) > 10.0**-_DIGITS])
     for digits in range(1, _DIGITS):
-        tens = numbers * 10.0**digits
-        # Smaller numbers are almost 0, whether they are rounded or not: rests of 3.14159, say.
-        tens = tens[tens > _WHOLE]
-        if len(tens) and np.mean(np.abs(tens - tens.round()) < _WHOLE) > _MANY:
+        shifted = numbers * 10.0**digits  # whole, if the numbers have this number of digits
+        # Numbers that are almost 0, such as pi - 3.14159, would count as whole.
+        shifted = shifted[shifted > _WHOLE]
+        is_whole = np.abs(shifted - shifted.round()) < _WHOLE
+        if len(shifted) and np.mean(is_whole) > _MANY:
             return 0.5 * 10.0**-digits
     return 0.0
 
@@ -572,17 +606,16 @@ def half_a_digit(numbers: Array) -> float:
 def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     """Say how far loops were open, and how far placements were displaced.
 
-    `errors` are those of f, whose rows are those of all closures in their order: [m], or [rad] for
-    rows that hold a turn.
+    `errors` are |f| of all rows, [m], or [rad] for rows that hold a turn, shape (rows,).
     """
-    names = list[str]()
+    closure_of_row = list[str]()
     turns = list[bool]()
     for closure in before.closures:
         for row in closure.rows:
-            names.append(str(closure))
+            closure_of_row.append(str(closure))
             turns.append(row.startswith("turn"))
     of_turns = np.array(turns)
-    open_loops = list(dict.fromkeys(np.array(names)[errors > 0].tolist()))
+    open_loops = list(dict.fromkeys(np.array(closure_of_row)[errors > 0].tolist()))
     metres, radians = _largest_displacement(before.model, after.model)
     warn_caller(
         f"model {before.model.name}: its placements are rounded, so that the loops at "
