@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Lengths of lines and their rates.
 
-A line is a `Distance` that nothing holds: its row of Phi gives the rate of its length.
+Lines are treated as `Distance` closures that nothing holds: f of `Loops` has their lengths, and Phi
+gives the rates of the lengths. This module calls Phi of lines J.
 """
 
 import sys
@@ -20,18 +21,21 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import LEAST_LENGTH
 from .loops import Loops
 
-#: The distance in the rows of lines, [m]: so small that f = length - distance is the length, with
-#: all its digits. A `Distance` cannot be zero.
+#: The distance of these closures, [m], in place of 0, which `Distance` refuses. It is so small that
+#: f = length - distance is exactly the length.
 _NO_DISTANCE = sys.float_info.min
 
 
 def line_loops(model: pin.Model, lines: Iterable[LineForce | Rope]) -> Loops:
-    """The lines as distances that nothing holds: f are their lengths, [m]."""
+    """`Loops` of the lines: f are their lengths, [m]."""
     return Loops(model, [Distance(x.frame_a, x.frame_b, _NO_DISTANCE) for x in lines])
 
 
 class LineKinematics:
-    """Lengths of the lines of a mechanism, and their rates; one object per thread."""
+    """Lengths of the lines of a mechanism, and their rates; one object per thread.
+
+    Most robots have no lines. For these no `Loops` are made, and results are empty arrays.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
@@ -39,7 +43,7 @@ class LineKinematics:
 
     @cached_property
     def loops(self) -> Loops:
-        """The lines as distances that nothing holds: f are their lengths."""
+        """The lines; `lengths` and `evaluate` evaluate them at q."""
         return line_loops(self._mechanism.model, self._lines)
 
     def lengths(self, q: Array) -> Array:
@@ -50,7 +54,11 @@ class LineKinematics:
         return self.loops.f.copy()
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v."""
+        """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v.
+
+        Raises:
+            SingularConfigurationError: If the ends of a line coincide, so that it has no direction.
+        """
         if not self._lines:
             return np.zeros(0), np.zeros((0, self._mechanism.model.nv))
         lengths = self.lengths(q)
@@ -65,7 +73,7 @@ class LineKinematics:
         return lengths, self.loops.Phi
 
     def inertia(self, q: Array) -> Array:
-        """J^T m J of the masses that move with the lengths, shape (nv, nv)."""
+        """J^T m J of the masses m that move with the lengths, shape (nv, nv)."""
         _, J = self.evaluate(q)
         return np.asarray((J.T * self._mechanism.lines.masses).dot(J))
 
