@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Assembly of a closed chain: Newton's method on the closures.
 
-Each step solves Phi dq = -f for the shortest dq, and is halved until the error |f| falls. All
-numbers are free of units: rows of f and Phi are multiplied by `row_scale`, rates by `rate_scale`.
+Each step solves Phi dq = -f for the shortest dq, and is halved until the error |f| falls.
+
+All numbers are free of units: f is multiplied by `row_scale`, and Phi by `row_scale` and
+`rate_scale`. A step dq times `rate_scale` is in [rad] and [m].
+
 Groups of loops that share no free joint are solved side by side, each with its own error and its
 own step, so that one group that cannot be closed does not keep the others open.
 """
@@ -27,19 +30,18 @@ from .joint_limits import JointLimits
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-# `_ASSEMBLED` says whether Newton's method has succeeded, `_POLISHED` when it may stop: it makes
-# closed loops better while their error still falls. Where rounding is larger than one of these, it
-# takes its place.
-#: Rows with a larger error are open. It is far below `CLOSURE_TOLERANCE`, so that an assembled
-#: configuration counts as closed, and far above the rounding of long chains.
+#: Rows with a larger error are open, unless their error is rounding. It is far below
+#: `CLOSURE_TOLERANCE`, so that an assembled configuration counts as closed, and far above the
+#: rounding of long chains.
 _ASSEMBLED = 1e-11
-#: Newton's method ends at this error of a group, some roundings of numbers of size one.
+#: Newton's method goes on with closed loops while their error falls. It ends at this error of a
+#: group, some roundings of numbers of size one, or at the rounding of its positions, if larger.
 _POLISHED = 1e-4 * _ASSEMBLED
 #: Most steps of Newton's method: steps of `_STRIDE` lead through eight turns of a joint.
 _STEPS = 100
-#: A group does not close if its error falls by less than a tenth in this number of steps. Even
-#: towards a singular configuration the error falls to a quarter in one step: there it grows with
-#: the square of the distance, and Newton's method halves the distance.
+#: Newton's method gives up if the error of a group falls by less than a tenth in this number of
+#: steps. Even near a singular configuration each step divides the error by four: there the error
+#: grows with the square of the distance, and Newton's method halves the distance.
 _PATIENCE = 10
 #: Longest step, [rad] or lengths of the loop: closures are far from linear beyond it. Joints that
 #: only linear couplings hold, such as motors behind gears, have no limit.
@@ -49,11 +51,11 @@ _STRIDE = 0.5
 _HALVINGS = 20
 #: Relative rounding of a number.
 _ROUNDING = float(np.finfo(float).eps)
-#: Singular values below this part of the largest count as zero; see `_shortest`. Those of redundant
-#: rows are of the size of the loops' errors; this is ten times `_ASSEMBLED`.
+#: Singular values below this part of the largest count as zero; see `_shortest`. Redundant rows
+#: have singular values of the size of the loops' errors, which are at most a tenth of this number.
 _NO_RANK = 1e-10
-#: Loops that stay open by less are tried again with the tolerance of rounded placements. The errors
-#: of the placements of a loop add up, so that it is some times one of them.
+#: Loops that stay open by less are tried again with `ROUNDED_PLACEMENTS` in place of `_NO_RANK`.
+#: The errors of the placements in a loop add up, so that this is several times the error of one.
 _NEARLY = 10 * ROUNDED_PLACEMENTS
 #: Largest standard deviation of the random starts of `Assembly.try_starts`, [rad] or lengths of the
 #: loop: angles are then spread over the whole turn.
@@ -78,35 +80,47 @@ class _GroupIndices(NamedTuple):
 class Assembly:
     """Newton's method on the closures of one mechanism; one object per thread.
 
-    Without `slipping`, rows that hold rates only, those of rolling and brakes, also bind the steps.
+    - `assemble` closes the loops by the free rates, or raises an error; `closed`, `near` and
+      `try_starts` call it with other free rates or starts.
+    - `closer` closes the loops as far as it can; `gap` is the error that is left.
+
+    Args:
+        mechanism: The mechanism.
+        loops: Its loops.
+        slipping: Whether steps may violate rows that hold rates only: wheels slip, and braked
+            joints move.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
         self.mechanism = mechanism
         self.loops = loops
-        #: The rows that bind the steps.
+        #: The rows with which steps are computed.
         if slipping:
             self._rows = np.flatnonzero(loops.holonomic)
         else:
             self._rows = np.arange(len(loops.holonomic))
-        #: Factors that make Phi free of units.
+        #: Factors that make Phi free of units, shape (rows, nv).
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
-        #: The groups for each set of free rates, which is the key, as bytes.
+        #: The groups by the free rates. The key is the array of free rates, as bytes.
         self._groups_of_free: dict[bytes, list[_GroupIndices]] = {}
 
     # --- closed configurations --------------------------------------------------------------
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
-        """A configuration with closed loops near q; only the rates `free` move.
+        """A configuration with closed loops near q, shape (nq,); only the rates `free` move.
 
-        With `limits` joints of one coordinate stay within their limits. The error names the loops
-        that stay open, the largest gap, and the joints at their limits.
+        With `limits`, joints of one coordinate stay within their limits.
+
+        Raises:
+            ClosureError: With the loops that stay open, the largest error and, with `limits`, the
+                joints at their limits.
         """
         bounds = JointLimits(self.mechanism, free) if limits else None
         start = q.copy() if bounds is None else bounds.clipped(q)
         q, open_rows = self._newton(start, free, bounds)
         if len(open_rows) and np.abs(self._error(q)).max() < _NEARLY:
-            # Rows that contradict each other a little may lead away from the best pose.
+            # Redundant rows of rounded placements contradict each other a little, and steps that
+            # try to satisfy all of them may lead away from the best configuration.
             q, open_rows = self._newton(start, free, bounds, ROUNDED_PLACEMENTS)
         if bounds is not None:
             q = bounds.clipped(q)
@@ -123,7 +137,7 @@ class Assembly:
         return self.holding_brakes(self.mechanism.dependent, lambda free: self.assemble(q, free))
 
     def holding_brakes(self, free: Indices, close: Callable[[Indices], Array]) -> Array:
-        """A configuration by `close(free)`; brakes hold their joints if the loops close so."""
+        """The result of `close(free)`; the brakes' rates are not free if the loops close so."""
         braked = self.mechanism.braked
         if len(braked):
             with suppress(ClosureError):
@@ -160,13 +174,16 @@ class Assembly:
         raise min(failures, key=lambda error: error.residual)
 
     def aside(self, q: Array, seed: int) -> Array:
-        """A closed configuration beside a closed q, about 0.2 rad away along a random motion."""
+        """A closed configuration beside a closed q, along a random motion from q.
+
+        Before the loops are closed, the fastest joint moves by `_ASIDE`.
+        """
         mechanism = self.mechanism
         motions = free_motions(scaled_Phi(mechanism, self.loops, q))
         random = np.random.default_rng(seed)
         # The projection of a random vector does not depend on the basis of the motions.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
-        # Without motions the direction is zero, and so is the step: 1e-300 avoids 0 / 0.
+        # If nothing can move, the direction and the step are zero: 1e-300 avoids 0 / 0.
         step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
         guess = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
         return self.assemble(guess, np.arange(mechanism.model.nv))
@@ -174,14 +191,15 @@ class Assembly:
     # --- configurations that may be open ----------------------------------------------------
 
     def closer(self, q: Array, free: Indices, tolerance: float = _NO_RANK) -> Array:
-        """A configuration near q with a locally least error; only the rates `free` move.
+        """A configuration near q with closed loops, or with a locally least error.
 
-        Singular values of Phi below `tolerance` times the largest of their group count as zero.
+        Only the rates `free` move. Singular values of Phi below `tolerance` times the largest of
+        their group count as zero.
         """
         return self._newton(q, free, None, tolerance)[0]
 
     def gap(self, q: Array, rows: Indices) -> float:
-        """Largest error of some rows at q, free of units; 0 if it is rounding."""
+        """Largest error of some rows at q, free of units; 0 if none of these rows is open."""
         f = self._error(q)
         if not self._is_open(q, f)[rows].any():
             return 0.0
@@ -194,7 +212,7 @@ class Assembly:
     ) -> tuple[Array, Indices]:
         """A configuration near q with the loops closed where possible, and the open rows.
 
-        It ends when no group is left that still moves and improves.
+        Only groups that moved in the last step and still improve take another step.
         """
         f = self._error(q)
         groups = self._groups(free)
@@ -204,7 +222,8 @@ class Assembly:
             groups = [group for group in groups if group.improves]
             if not groups:
                 break
-            Phi = self.loops.Phi * self._scale  # at q, where `_error` was called last
+            # `_error` was called at q last, so that the loops are evaluated at q.
+            Phi = self.loops.Phi * self._scale
             step = np.zeros(Phi.shape[1])
             for group in groups:
                 step[group.rates] = self._step_of_group(group, q, f, Phi, limits, tolerance)
@@ -222,8 +241,8 @@ class Assembly:
     ) -> Array:
         """Newton's step of the rates of a group, shape (its rates,), shortened to what is allowed.
 
-        Its length is at most `_STRIDE`, and it does not lead beyond limits: joints at a limit do
-        not step beyond it, and the whole step ends where another joint reaches its limit.
+        No rate that changes Phi steps by more than `_STRIDE`. Joints at a limit do not step beyond
+        it, and the whole step ends where another joint reaches its limit.
         """
         rates = group.rates
         Phi_of_group = Phi[group.rows][:, rates]
@@ -243,16 +262,16 @@ class Assembly:
     ) -> tuple[Array, Array, list[_Group]]:
         """The configuration after a step, its errors, and the groups that have moved.
 
-        The step of each group is halved until the group's error falls. It becomes zero, so that the
-        group does not move, if the error does not fall, or if the group was closed before the step:
-        then its error is mostly rounding, which no step can lower.
+        The step of each group is halved until the group's error falls. A group does not move at all
+        if its error does not fall after `_HALVINGS` halvings. A group that was closed before the
+        step does not move if its error does not fall at once: this error is mostly rounding.
         """
         model = self.mechanism.model
         scale = self.mechanism.rate_scale
         step = step.copy()
-        # Groups share no free joint. So a group whose error has fallen keeps its step and its
-        # error, and a group that is worse now was worse in all passes: its step was halved in each.
-        # The count of the passes is the number of halvings of all groups that are worse.
+        # Groups share no free joint, so that the error of a group depends on its own step only.
+        # Once its error has fallen, a group is never worse again. So the step of a group that is
+        # worse now was halved in each pass, `halvings` times.
         halvings = 0
         while True:
             trial = pin.integrate(model, q, step * scale)
@@ -261,8 +280,8 @@ class Assembly:
             worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
                 return trial, f_trial, moving
-            # The rounding of f at q. The loops are now evaluated at the trial, where coordinates
-            # of frames are about as large as at q.
+            # The largest errors that count as closed at q. The loops are evaluated at the trial,
+            # but there the coordinates of frames, which give the rounding, are about as large.
             largest_closed = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
                 was_closed = (np.abs(f[group.rows]) < largest_closed[group.rows]).all()
@@ -282,7 +301,7 @@ class Assembly:
     def _is_open(self, q: Array, f: Array) -> Flags:
         """Which rows are open by more than rounding, shape (rows,).
 
-        f is the error at q, where `_error` was called last.
+        f is the error at q. The loops must be evaluated at q.
         """
         closed = np.abs(f) < _ASSEMBLED  # not if f is NaN
         if not closed.all():
@@ -292,19 +311,23 @@ class Assembly:
     def _rounding(self, q: Array, Phi: Array) -> Array:
         """Rounding of f, shape (rows,); the loops are evaluated at q or a step from it.
 
-        It grows with turns of the joints and with the distance of the loops from the origin: a
-        position q_k has an error of its size times `_ROUNDING`, which Phi takes to f.
+        It grows with the positions of the joints and with the distance of the loops from the
+        origin. A position q_k has the error `_ROUNDING` |q_k|, and so f has the error
+        `_ROUNDING` |Phi| |q|.
         """
-        # Joints whose coordinate is one number, which may contain many turns.
+        # The positions of joints with one coordinate, which may be many turns. Entries of
+        # quaternions are at most one, so that their rounding is small.
         entries, rates = self.mechanism.space.plain
-        turns = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
-        # f is the sum of several rounded terms.
-        return 4 * (_ROUNDING * turns + self._rounding_of_positions())
+        sizes = np.abs(q[entries] / self.mechanism.rate_scale[rates])
+        of_joints = np.abs(Phi[:, rates]) @ sizes
+        # f is a sum of several terms, each with its rounding. The factor 4 is a choice: with a
+        # smaller one, closed loops with many turns of a joint would count as open.
+        return 4 * (_ROUNDING * of_joints + self._rounding_of_positions())
 
     def _rounding_of_positions(self) -> Array:
         """Rounding of the positions of the frames of each row, free of units, shape (rows,).
 
-        Rows of turns may be open by as much: where rows are redundant, least squares spread the
+        Rows of turns have the same value: where rows are redundant, least squares spread the
         rounding of positions over all rows.
         """
         return _ROUNDING * self.loops.largest_coordinates / self.mechanism.row_lengths
@@ -344,8 +367,8 @@ class Assembly:
     def _indices_of_groups(self, free: Indices) -> list[_GroupIndices]:
         """Rows and free rates of each group of loops that share no free joint."""
         loops = self.loops
-        # A closure as a whole belongs to one group: a row for each closure, which says the rates
-        # that it depends on.
+        # All rows of a closure belong to one group. So groups are found from one row for each
+        # closure: the rates on which any row of the closure depends.
         touched_by_closure = np.zeros((len(loops.slices), loops.model.nv), dtype=bool)
         closure_of_row = np.zeros(len(loops.touched), dtype=np.intp)
         for closure, rows in enumerate(loops.slices):
@@ -364,9 +387,10 @@ class _Group:
     """A group of loops during Newton's method.
 
     Attributes:
-        rows, rates: Indices of its rows, and of its free rates.
-        least: Smaller errors are rounding.
-        sizes: Size of the error at each configuration so far.
+        rows: Indices of its rows.
+        rates: Indices of its free rates.
+        least: Errors |f| that are smaller are rounding.
+        sizes: |f| of the group at each configuration so far.
     """
 
     rows: Indices
@@ -385,7 +409,11 @@ class _Group:
 
     @property
     def improves(self) -> bool:
-        """Whether the group is open, and its error has fallen in the last `_PATIENCE` steps."""
+        """Whether another step may help.
+
+        It may if the error is above rounding and finite, and if it has fallen by a tenth in the
+        last `_PATIENCE` steps.
+        """
         size = self.sizes[-1]
         if len(self.sizes) <= _PATIENCE:
             return self.least <= size < math.inf
@@ -393,10 +421,10 @@ class _Group:
 
 
 def _shortest(A: Array, right: Array, tolerance: float) -> Array:
-    """The shortest x with the least |A x - right|, for rows free of units.
+    """The shortest x with the least |A x - right|, where A is free of units.
 
     Singular values below `tolerance` times the largest count as zero. If the largest is below one,
-    they are compared with one, as rows that hold a motion have the natural size one.
+    they are compared with one, which is the natural size of rows that hold a motion.
     """
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     rank = np.count_nonzero(s > tolerance * s.max(initial=1.0))
@@ -408,8 +436,8 @@ def _within_limits(
 ) -> Array:
     """Newton's step of some rates; joints at a limit stay at rest if they would step beyond it.
 
-    Without them the others take another step, which may push other joints at a limit beyond it.
-    Phi has the columns of these rates.
+    The step is computed again without such joints, until no joint at a limit steps beyond it. Phi
+    has the columns of these rates.
     """
     moving = np.ones(len(rates), dtype=bool)
     while True:
