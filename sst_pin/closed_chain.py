@@ -96,8 +96,8 @@ class ClosedChain(RobotProperties, Summary):
         model: The tree, which is copied; the property `model` is the robot's own tree.
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of names of frames that
             must coincide; none for an open tree.
-        actuated: The motors: names of joints and of `lines`; for a tendon a mapping from
-            such names to factors, or {name: mapping}.
+        actuated: The motors: names of joints and of `lines`. A motor that drives several of them,
+            such as a tendon, is a mapping from their names to factors, or {motor name: mapping}.
         coordinates: Names of the independent joints; a joint with several rates counts with all
             of them. By default as many of the actuated joints as are independent at `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
@@ -111,8 +111,8 @@ class ClosedChain(RobotProperties, Summary):
         spring_reference: Positions without spring force, shape (nq,); `pin.neutral` by default.
         lines: Springs, dampers and cylinders between two frames, each a `LineForce`.
         brakes: Names of joints, single rates or lines that are held where they are, at any
-            position. They stay in q, and `reactions` has their forces. A robot with all its motors
-            braked has no degrees of freedom; pass [] for va and aa.
+            position. Braked joints stay in q, and `reactions` has the forces of brakes. A robot
+            with all its motors braked has no degrees of freedom; pass [] for va and aa.
         contacts: Each a `Contact` or a `Rope`; they act in `rollout(..., nonsmooth=True)` only.
         weight_shares: Share of its weight that acts on a body, by the name of its joint; 0 for none
             and 1, the default, for the whole weight. It can also be [share, x, y, z]: then the
@@ -158,7 +158,7 @@ class ClosedChain(RobotProperties, Summary):
         shares = checked_shares(weight_shares)
         if locked:
             shares = shares_without_locked(model, locked, shares)
-        mechanism = recipe_of(
+        recipe = recipe_of(
             closures,
             actuated,
             coordinates,
@@ -171,19 +171,19 @@ class ClosedChain(RobotProperties, Summary):
             stiffness=stiffness,
             spring_reference=spring_reference,
         )
-        self._fill(without_locked(model, locked) if locked else copied(model), mechanism)
+        self._fill(without_locked(model, locked) if locked else copied(model), recipe)
 
-    def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
+    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
         """Set the tree `model` and all that follows from it: corrected placements and the engine.
 
-        `mechanism` makes a mechanism of a tree. The engine computes with a copy of the tree, so
-        that edits of `model` take effect after `refresh` only. If this robot had kernels, they are
-        made again at their first use.
+        `recipe` is a function that makes a mechanism of a tree; see `recipe_of`. The engine
+        computes with a copy of the tree, so that edits of `model` take effect after `refresh` only.
+        If this robot had kernels, they are made again at their first use.
         """
         make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
         self._model = model
-        self._mechanism_of = mechanism
-        corrected = correct_geometry(mechanism(copied(model)))
+        self._recipe = recipe
+        corrected = correct_geometry(recipe(copied(model)))
         take_placements(model, corrected.model)
         self._engine = Engine(
             with_chosen_coordinates(corrected), make_kernels, platform=self._platform
@@ -194,7 +194,7 @@ class ClosedChain(RobotProperties, Summary):
 
         Calls that run in other threads finish with the robot as it was.
         """
-        self._fill(self._model, self._mechanism_of)
+        self._fill(self._model, self._recipe)
 
     def with_coordinates(self, coordinates: Sequence[str] | None) -> ClosedChain:
         """This robot with other coordinates, on the reference path; None for the default choice."""
@@ -221,11 +221,11 @@ class ClosedChain(RobotProperties, Summary):
         return self._rebuilt(copied(model))
 
     def _rebuilt(self, model: pin.Model, **changes: object) -> ClosedChain:
-        """A robot with this model and these changed arguments of `mechanism_of`."""
+        """A robot with this model, and with these arguments of the recipe changed."""
         chain = ClosedChain.__new__(ClosedChain)
         chain._shapes = self._shapes
         chain._platform = self._platform
-        chain._fill(model, partial(self._mechanism_of, **changes))
+        chain._fill(model, partial(self._recipe, **changes))
         return chain
 
     def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
@@ -237,7 +237,7 @@ class ClosedChain(RobotProperties, Summary):
         """
         chain = copy(self)
         model, numbers, lines = regressor.changed(chain.engine.mechanism, theta)
-        chain._fill(model, partial(chain._mechanism_of, numbers=numbers, lines=lines))
+        chain._fill(model, partial(chain._recipe, numbers=numbers, lines=lines))
         return chain
 
     def __copy__(self: _Chain) -> _Chain:
@@ -247,7 +247,8 @@ class ClosedChain(RobotProperties, Summary):
         return other
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Mimic joints of an unpickled model end the process.
+        # Pinocchio ends the process when an unpickled model with mimic joints is used; a copy of
+        # the model works.
         self.__dict__.update(state, _model=pin.Model(state["_model"]))
 
     # --- what it is -------------------------------------------------------------------------
@@ -379,7 +380,7 @@ class ClosedChain(RobotProperties, Summary):
         return modes_of(self._engine.loops.assembly, positions, frame, solutions)
 
     def _solutions(self, positions: Mapping[str, float]) -> Array | None:
-        """All modes, where there is a closed form for the whole robot."""
+        """All modes, shape (modes, nq), by a closed form for the whole robot; None without one."""
         return None
 
     def generic_configuration(self) -> Array:
@@ -514,8 +515,9 @@ class ClosedChain(RobotProperties, Summary):
             array([0.166])
         """
         engine = self._engine
-        # The kernel is called with unchecked arguments: in a control loop, checks take longer. It
-        # gives no answer for wrong ones, and the checks of `engine.torques` find the reason.
+        # The kernel is called with unchecked arguments, because checks would take longer than the
+        # kernel. For wrong arguments it returns None, and the checks of `engine.torques` find the
+        # reason. `is` is faster than `==`; where it fails, only time is lost.
         is_plain = weights is None and preload is None and limits is None
         kernel = None
         if is_plain and external_wrenches is None and on_error is RAISE:
@@ -524,7 +526,7 @@ class ClosedChain(RobotProperties, Summary):
             tau = kernel(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        is_shared = preload is not None or limits is not None
+        is_shared = preload is not None or limits is not None  # `out` then gets the final torques
         tau = engine.torques(
             q,
             va,
@@ -709,6 +711,8 @@ class ClosedChain(RobotProperties, Summary):
         """
         engine = self._engine
         d = engine.acceleration_derivatives(q, va, tau, **options)
+        # Deviations of the coordinates are displacements along their axes. Where axes move, as
+        # those of balls, the rates of the displacements have a further term.
         rates = None
         if engine.reference.derivatives.axes_move:
             rates = engine.displacement_rates(q, va, on_error="nan")
@@ -733,8 +737,8 @@ class ClosedChain(RobotProperties, Summary):
     def with_design(self, changes: Mapping[str, float]) -> ClosedChain:
         """This robot with changes added to `design_parameters`, by names or patterns of these."""
         model, extensions, theta = design.changed(self.mechanism, changes)
-        # Brakes are no closures of the constructor: they are made from names.
-        closures = lengthened(self._mechanism_of.keywords["closures"], extensions)
+        # The recipe has the closures of the constructor, without those that it makes for brakes.
+        closures = lengthened(self._recipe.keywords["closures"], extensions)
         chain = self._rebuilt(model, coordinates=self.coordinates, closures=closures)
         return chain.with_parameters(theta) if theta else chain
 
@@ -802,7 +806,7 @@ class ClosedChain(RobotProperties, Summary):
         engine = self._engine
         require_flags(derivatives=derivatives, all=all)
         compiled = compiled_engine(engine, q, derivatives=derivatives, every=all)
-        if self._engine is not engine:  # refreshed meanwhile
+        if self._engine is not engine:  # another thread has refreshed the robot meanwhile
             return self.compile(q, derivatives=derivatives, all=all)
         self._engine = compiled
         return None

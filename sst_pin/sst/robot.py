@@ -341,10 +341,10 @@ class SST(ClosedChain):
 
     # --- methods that `ClosedChain` calls -----------------------------------------------------
 
-    def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
+    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
         """Set the tree and the engine; an edited model that is no SST is refused."""
         geometry_of(model, f"model {model.name}")
-        super()._fill(model, mechanism)
+        super()._fill(model, recipe)
 
     def _solutions(self, positions: Mapping[str, float]) -> Array | None:
         """All assembly modes with these positions; None if they are not those of the motors."""
