@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`Trajectory`: a motion of a robot with its torques, and its files."""
+"""`Trajectory`: a motion of a robot with its torques, and its files.
+
+`trajectory_of` makes one with the names and units of a robot, and `require_motion` checks that one
+belongs to a robot.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +32,9 @@ if TYPE_CHECKING:
 
 #: Fields with a row for each sample.
 _ARRAYS = ("t", "q", "va", "aa", "tau")
-#: Fields with names and units of the columns.
+#: Fields with names and units of the columns of these arrays.
 _COLUMNS = ("joint_names", "motor_names", "units", "coordinates", "rate_units", "torque_units")
-#: Fields that are compared; files contain them too.
+#: Fields that two motions are compared by. Every file contains them.
 _COMPARED = (*_ARRAYS, *_COLUMNS)
 
 
@@ -50,12 +54,12 @@ def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
 
 
 def _units(
-    name: str, value: Sequence[str], owners: Sequence[str], known: Sequence[str]
+    name: str, value: Sequence[str], columns: Sequence[str], known: Sequence[str]
 ) -> tuple[str, ...]:
-    """Units as a tuple, one of the known ones for each owner; others are refused."""
+    """Units as a tuple: one for each column, and each of them one of the known units."""
     units = names(name, value)
-    if len(units) != len(owners) or not set(units) <= set(known):
-        raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
+    if len(units) != len(columns) or not set(units) <= set(known):
+        raise InputError(name, f"{units}, expected {len(columns)} of {', '.join(map(repr, known))}")
     return units
 
 
@@ -64,13 +68,15 @@ def _read_npz(path: Path) -> dict[str, Any]:
     try:
         # NumPy leaves a file open that it cannot read.
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            keys = {name: name for name in (*_COMPARED, "stopped")}
-            # Versions before 0.3 had no torque_units at first, and another name for the motors.
-            if "torque_units" not in file:
-                del keys["torque_units"]
-            if "motor_names" not in file:
-                keys["motor_names"] = "actuated"
-            return {name: file[key] for name, key in keys.items()}
+            fields = dict[str, Any]()
+            for name in (*_COMPARED, "stopped"):
+                # Early files of versions before 0.3 have no torque_units; the default is taken.
+                if name == "torque_units" and name not in file:
+                    continue
+                # Versions before 0.3 wrote motor_names by another name.
+                key = "actuated" if name == "motor_names" and name not in file else name
+                fields[name] = file[key]
+            return fields
     except Exception as error:  # zipfile and NumPy raise many kinds of errors
         raise FileFormatError(path, f"not a motion: {error}") from None
 
@@ -94,7 +100,7 @@ class Trajectory(Summary):
         coordinates: Names of the rates of the coordinates; the motors by default.
         rate_units: "rad" or "m" for each rate.
         torque_units: "Nm" or "N" for each motor; by default "N" for a motor with the name of a
-            prismatic joint.
+            prismatic joint or of a coordinate in [m].
         stopped: Why a simulation ended before its last time; empty if it did not. It is ignored
             in comparisons and not saved in a CSV.
         crossings: Singular configurations that a simulation went through, each with `time`, `q`,
@@ -145,13 +151,15 @@ class Trajectory(Summary):
         motor_names = _names("motor_names", motor_names)
         coordinates = motor_names if coordinates is None else _names("coordinates", coordinates)
         units = _units("units", units or ("rad",) * len(joint_names), joint_names, ("rad", "m", ""))
-        # Rates have the units of the joints of the same name, and so have torques.
-        unit_of = dict(zip(joint_names, units, strict=True))
+        # By default, a rate has the unit of the joint with its name, or "rad" if there is none.
+        unit_of_joint = dict(zip(joint_names, units, strict=True))
         if rate_units is None:
-            rate_units = [unit_of.get(name) or "rad" for name in coordinates]
+            rate_units = [unit_of_joint.get(name) or "rad" for name in coordinates]
         rate_units = _units("rate_units", rate_units, coordinates, ("rad", "m"))
+        # By default, a motor with the name of a length has a force, and any other motor a torque.
         if torque_units is None:
-            unit_of.update(zip(coordinates, rate_units, strict=True))
+            unit_of_rate = dict(zip(coordinates, rate_units, strict=True))
+            unit_of = unit_of_joint | unit_of_rate
             torque_units = ["N" if unit_of.get(name) == "m" else "Nm" for name in motor_names]
         torque_units = _units("torque_units", torque_units, motor_names, ("Nm", "N"))
         if not isinstance(stopped, str):
@@ -214,11 +222,12 @@ class Trajectory(Summary):
         Raises:
             InputError: If there is no sample between these times.
         """
-        first, last = (float(single_array("time", time, ())) for time in (start, end))
+        first = float(single_array("time", start, ()))
+        last = float(single_array("time", end, ()))
         chosen = (self.t >= first) & (self.t <= last)
         if not chosen.any():
-            range_ = f"sampled from {self.t[0]:g} to {self.t[-1]:g} s"
-            raise InputError("start, end", f"no sample from {first:g} to {last:g} s; {range_}")
+            sampled = f"sampled from {self.t[0]:g} to {self.t[-1]:g} s"
+            raise InputError("start, end", f"no sample from {first:g} to {last:g} s; {sampled}")
         return self[chosen]
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -289,7 +298,8 @@ class Trajectory(Summary):
     def table(self, path: Path) -> Table:
         """The columns of the motion's CSV; errors name `path`."""
         values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
-        return Table(path, tuple(self._columns()), values, tuple(range(1, len(self.t) + 1)))
+        line_numbers = tuple(range(1, len(self.t) + 1))  # errors name the samples, from 1
+        return Table(path, tuple(self._columns()), values, line_numbers)
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
@@ -309,6 +319,7 @@ class Trajectory(Summary):
             raise FileFormatError(path, f"not a motion: {error}") from None
 
     def _columns(self) -> list[str]:
+        """Names of the columns of t, q, va, aa and tau, in this order."""
         return [
             "t_s",
             *columns_of("q", self.joint_names, self.units),
@@ -331,8 +342,9 @@ class Trajectory(Summary):
         """
         smooth = spline(self.t, self.tau)
         times = self.t
-        step = float(np.diff(times).max(initial=0.0))  # integrators ask for times a little beyond
-        return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
+        # Integrators ask for times a little beyond the motion.
+        longest_step = float(np.diff(times).max(initial=0.0))
+        return lambda t: np.asarray(smooth(times_within("t", t, times, longest_step)))
 
 
 def trajectory_of(
@@ -364,25 +376,26 @@ def trajectory_of(
     )
 
 
-def _listed_units(words: Sequence[str]) -> str:
-    """Names or units in one line; the unit of a number is 1."""
+def _in_one_line(words: Sequence[str]) -> str:
+    """Names or units in one line; the empty unit "" of a plain number is written as 1."""
     return ", ".join(word or "1" for word in words)
 
 
 def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion") -> None:
     """Check that an argument is a motion of a robot: its joints, coordinates, motors, units."""
     require_instance(name, motion, Trajectory)
-    for what, present, needed in (
+    requirements = (
         ("joints", motion.joint_names, mechanism.space.position_names),
         ("coordinates", motion.coordinates, mechanism.coordinate_rate_names),
         ("motors", motion.motor_names, mechanism.motor_names),
         ("units of positions", motion.units, mechanism.space.position_units),
         ("units of rates", motion.rate_units, mechanism.coordinate_rate_units),
-    ):
-        if present == tuple(needed):
+    )
+    for what, in_motion, in_robot in requirements:
+        if in_motion == tuple(in_robot):
             continue
-        theirs = _listed_units(present)
-        ours = _listed_units(needed) or "none"
+        theirs = _in_one_line(in_motion)
+        ours = _in_one_line(in_robot) or "none"
         problem = f"belongs to another robot, with {what} {theirs}; this one has {ours}"
         if what == "coordinates":
             problem += "; chain.with_coordinates([...]) gives it others"
