@@ -5,10 +5,20 @@ Four objects do the work: `StepControl` makes the steps, `CoordinateChange` judg
 the coordinates, `MotionOutput` collects the results, and `SingularityCrossing` steps over singular
 configurations.
 
-A part of a step is regular if the joints move continuously along it, without a jump to another
-assembly mode, and if the condition number of the dependent joints stays below a limit.
+A step, or the first part of it, is regular if the joints move continuously along it, without a jump
+to another assembly mode, and if the condition number of the dependent joints stays below a limit.
 `CoordinateChange` sets this limit anew for each choice of coordinates, and raises it on the way to
-a singular configuration.
+a singular configuration. A step is irregular too if the loops cannot be closed at an output time
+within it.
+
+`Integration.integrate` is the main loop. It calls one of two methods, again and again:
+
+- `_advance` integrates to a target: the end of the motion, the next change of sampled torques, or
+  the start of a step over a singular configuration. Each integrator of SciPy stays in one choice of
+  coordinates, and `_make_steps` makes its steps. After an irregular step, `_before_irregular` goes
+  back: the motion is integrated again, to an earlier target just before the irregular part. There
+  `_leave_irregular` changes the coordinates, or ends the motion.
+- `_cross` makes a step over a singular configuration.
 """
 
 from __future__ import annotations
@@ -30,9 +40,9 @@ from .singularity_crossing import SingularityCrossing
 from .state_equations import MotionState, Samples, StateEquations
 from .step_control import StepControl
 
-#: The first repeat of an irregular step ends just before the irregular part of that step, earlier
-#: by this fraction of the length of the regular part. `Continuity.follow` knows the regular part to
-#: 1e-12 of the step.
+#: An irregular step is repeated with a target that is earlier than the end of its regular part, by
+#: this fraction of the length of this part. The fraction is larger than the error of the regular
+#: part, which `Continuity.follow` finds to 1e-12 of the step.
 _MARGIN_OF_REPEAT = 1e-10
 
 
@@ -41,9 +51,9 @@ class _Target(NamedTuple):
 
     Attributes:
         time: Time, [s].
-        torques_change: Whether sampled torques change there.
-        repeats: How many irregular steps have set the time back, each to just before its irregular
-            part.
+        torques_change: Whether sampled torques change at this time.
+        repeats: How many irregular steps have set the time back, one after the other. The time is
+            just before the irregular part of the last one.
     """
 
     time: float
@@ -56,9 +66,10 @@ class _Continuation(NamedTuple):
 
     Attributes:
         state: The state from which it goes on.
-        target: The target of the next integrator in the same coordinates: the same one if steps
-            must be shorter, an earlier one before an irregular part. It is None if the target is
-            reached, or if the motion has other coordinates or a singular configuration to approach.
+        target: The target of the next integrator in the same coordinates: the same target if steps
+            must be shorter, or an earlier target before an irregular part. It is None if
+            `_advance` is finished: the target is reached, the coordinates have changed, or the
+            motion has begun to approach a singular configuration.
     """
 
     state: MotionState
@@ -111,7 +122,8 @@ class Integration:
         """The singular configurations that the motion went through."""
         return self._crossing.crossings
 
-    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
+    # Numbers overflow in a motion that diverges. The motion ends there, without NumPy's warnings.
+    @np.errstate(over="ignore", invalid="ignore")
     def integrate(self, start: Array) -> Samples:
         """The motion from a state in the robot's coordinates, at the output times it reaches."""
         state = self._first_state(start)
@@ -121,7 +133,8 @@ class Integration:
         while state.t < self._end and not self.stopped:
             approach = self._crossing.approach
             if approach is not None and approach.start <= state.t:
-                # If no step leads over the singular configuration, a nearer one is tried later.
+                # If no step leads over the singular configuration from here, `_cross` returns the
+                # same state, and a step from a nearer state is tried later.
                 state = self._cross(state)
             else:
                 state = self._advance(state)
@@ -136,7 +149,9 @@ class Integration:
         t = float(self._times[0])
         space = self._equations.robot_space
         q, rates = np.split(start, [self._nq])
-        if not rates.any():  # at rest the rates of all coordinates are 0
+        if not rates.any():
+            # At rest the rates of any coordinates are zero. So the start is the same state in other
+            # coordinates, even if those of the robot are singular there.
             space, _ = space.in_good_coordinates(q)
         equations = self._equations.in_coordinates_of(space)
         if not np.isfinite(equations.rate(t, start)).all():
@@ -153,9 +168,10 @@ class Integration:
         return self._equations.in_coordinates_of(state.space, close_first=near_singularity)
 
     def _call_controller(self, state: MotionState) -> float:
-        """Call a sampled controller if it is due, and change the torques if they are.
+        """Call a sampled controller if its period begins, and change the torques if it is time.
 
-        It is due once in each of its periods, so that a second call at the same time does nothing.
+        The controller is called once in each of its periods, so a second call of this method at the
+        same time does nothing.
 
         Returns:
             The time until which torques are smooth, [s]; infinite without a sampled controller.
@@ -170,7 +186,8 @@ class Integration:
     def _advance(self, state: MotionState) -> MotionState:
         """Integrate until torques change, a step over a singular configuration starts, or the end.
 
-        It returns earlier if other coordinates or an earlier state are needed.
+        It returns earlier in other coordinates, or with an earlier state if the motion has to go
+        back to approach a singular configuration.
         """
         smooth_until = self._call_controller(state)
         time = min(self._end, smooth_until)
@@ -187,9 +204,10 @@ class Integration:
     def _make_steps(
         self, equations: StateEquations, state: MotionState, target: _Target
     ) -> _Continuation:
-        """Make steps with one integrator until a target, or until a step cannot be kept."""
+        """Make steps with one integrator until a target, or until a step has to be repeated."""
         solver = self._steps.solver(equations, state, target.time)
-        while solver.status == "running":  # until the target; `step` raises an error if one fails
+        # The solver runs until the target; `step` raises an error if it fails.
+        while solver.status == "running":
             step = self._steps.step(solver, equations)
             if self._steps.shorten_if_input_missed(step):
                 return _Continuation(state, target)
@@ -197,16 +215,19 @@ class Integration:
             self._steps.remember_length(step, torques_change_at_end=at_change)
             self._progress(step.end)
 
-            # The output refuses a step if loops cannot be closed at an output time within it.
             part = self._coordinate_change.regular_part(state, step)
-            is_regular = part.fraction == 1
-            if not (is_regular and self._output.add_step(step, torques_change_at_end=at_change)):
-                return self._before_irregular(state, step, part, target)
+            if part.fraction < 1:
+                return self._before_irregular(state, step, part, target, part.fraction)
+            added = self._output.add_step(step, torques_change_at_end=at_change)
+            if not added:
+                # The loops cannot be closed at an output time within the step. The irregular part
+                # begins somewhere before this time: half of the step is taken for regular.
+                return self._before_irregular(state, step, part, target, 0.5)
 
             state = MotionState(step.end, state.space, part.q, step.y)
             self._crossing.remember(state)
             if target.repeats > 0 and step.end == target.time:
-                # `_before_irregular` has set the target back to here, just before the irregular
+                # `_before_irregular` has set the target to this time, just before the irregular
                 # part of an earlier step.
                 return _Continuation(self._leave_irregular(state), None)
             settled = self._improve_coordinates(state)
@@ -215,39 +236,43 @@ class Integration:
         return _Continuation(state, None)
 
     def _before_irregular(
-        self, state: MotionState, step: IntegratorStep, part: RegularPart, target: _Target
+        self,
+        state: MotionState,
+        step: IntegratorStep,
+        part: RegularPart,
+        target: _Target,
+        fraction: float,
     ) -> _Continuation:
         """How a motion goes on after an irregular step; the next step is shorter in any case.
 
         - If a singular configuration is ahead that can be stepped over, the motion goes back and
           approaches it.
-        - Otherwise it is integrated again until just before the irregular part of the step, because
-          a part of a step is less exact than a step. `_make_steps` then changes the coordinates
-          there, or ends the motion.
+        - Otherwise the motion is integrated again from `state` until just before the irregular part
+          of the step, because the interpolated states within a step are less exact than the states
+          at the ends of steps. At the new target, `_make_steps` changes the coordinates or ends the
+          motion.
         - If no part of the step is regular, the coordinates are changed, or the motion ends, at
           once.
 
         Args:
             state: The state from which the step was made.
             step: The step.
-            part: The regular part of the step; the whole step if the output has refused it.
+            part: The part of the step along which the joints move continuously.
             target: The target of the step.
+            fraction: The fraction of the step that is taken for regular. It is less than that of
+                `part` if loops cannot be closed at an output time.
         """
-        # If the output has refused the step, it is not known where the loops cannot be closed: half
-        # of the step is taken for regular.
-        refused_by_output = part.fraction == 1
-        fraction = 0.5 if refused_by_output else part.fraction
         self._steps.shorten(fraction)
 
-        part_end = step.start + part.fraction * step.length  # where the robot has `part.q`
+        part_end = step.start + part.fraction * step.length  # the time at which q is `part.q`
         earlier = self._crossing.begin_approach(state, part_end, part.q)
         if earlier is not None:
             # The condition number grows on the way to the singular configuration.
             self._coordinate_change.allow_nearer()
             return _Continuation(earlier, None)
 
-        margin = _margin_of_repeat(target.repeats)
-        time = step.start + fraction * step.length * (1 - margin)
+        regular_length = fraction * step.length
+        time = step.start + regular_length * (1 - _margin_of_repeat(target.repeats))
         if time <= state.t:
             return _Continuation(self._leave_irregular(state), None)
         return _Continuation(state, _Target(time, repeats=target.repeats + 1))
@@ -255,22 +280,25 @@ class Integration:
     def _improve_coordinates(self, state: MotionState) -> MotionState:
         """The state after a regular step, in better coordinates if there are any.
 
-        If there are none, only the limit of the condition number may have changed.
+        If there are none, the state is the same, and perhaps the condition number has a new limit.
         """
         near_singularity = self._crossing.approach is not None
         if not self._coordinate_change.should_settle(state, near_singularity=near_singularity):
             return state
-        # During an approach, the only reason is that the robot's own coordinates are good again. So
-        # no singular configuration of the mechanism is near any more.
+        # During an approach, `should_settle` has only one reason: the robot's own coordinates are
+        # good again. Then no singular configuration of the mechanism is near any more.
         self._crossing.give_up()
         return self._coordinate_change.settle(state)
 
     def _leave_irregular(self, state: MotionState) -> MotionState:
         """The state before the irregular part of a step, in better coordinates if there are any.
 
-        The motion ends if its steps become too short, or if nothing changes: `settle` keeps the
-        coordinates, and the limit of the condition number was the largest one and still is. An
-        approach of a singular configuration is given up, because the way to it is irregular.
+        Better coordinates, or a higher limit of the condition number in the same coordinates, can
+        make the next steps regular. The motion ends if there is neither: `settle` keeps the
+        coordinates, and the limit was the largest one before `settle` and is the largest one after
+        it. The motion also ends if its steps become too short.
+
+        An approach of a singular configuration is given up, because the way to it is irregular.
         """
         coordinate_change = self._coordinate_change
         limit_was_largest = coordinate_change.at_largest
@@ -291,21 +319,23 @@ class Integration:
 
     def _cross(self, state: MotionState) -> MotionState:
         """The state behind the singular configuration; the same state if no step leads there."""
-        self._coordinate_change.restore()  # the limit that `allow_nearer` has raised
+        self._coordinate_change.restore()  # puts the limit back that `allow_nearer` has raised
         equations = self._equations_at(state)
         crossed = self._crossing.cross(equations, state)
         if crossed is None:
             return state
         behind, branch = crossed
         self._output.add_branch(equations, branch, behind.t)
-        # The condition number is large here too. The limit stays above it.
+        # The condition number is still large just behind the singular configuration.
+        # `settle_behind` sets a limit above it.
         return self._coordinate_change.settle_behind(behind)
 
 
 def _margin_of_repeat(repeats: int) -> float:
-    """By which part of its length a repeat ends before the irregular part of a step.
+    """The margin before the irregular part of a step, as a fraction of the regular part's length.
 
-    The margin grows tenfold with each further repeat, to half of the length.
+    `repeats` is the number of repeats before this one. The margin grows tenfold with each of them,
+    to half of the length.
     """
-    tens = min(repeats, 10)  # with ten the margin is above half; a large power would overflow
+    tens = min(repeats, 10)  # 10 tens are enough for half of the length; many would overflow
     return min(0.5, _MARGIN_OF_REPEAT * 10.0**tens)
