@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Smooth motions through a singular configuration of the mechanism.
 
-Several branches of motions meet at this configuration. Polynomials extrapolate the motion before
-it; they close the loops on one branch only. They are the initial guess of an implicit Runge-Kutta
-step over the configuration. No stage of the step is at the configuration.
+Several branches of motions meet at this configuration. `SingularityCrossing` steps over it with the
+parts of this module:
+
+1. `Branch` extrapolates the motion before the configuration by polynomials. They close the loops
+   on one branch only.
+2. `crossing_of` finds the configuration on the branch, as a `Crossing`. It refuses configurations
+   at which the branch behind is not determined.
+3. `gauss_step` makes an implicit Runge-Kutta step over the configuration. The branch is its initial
+   guess. No stage of the step is at the configuration, where the equations of motion are singular.
+4. `mismatch` tells how well the end of the step fits the branch.
 """
 
 from collections.abc import Callable
@@ -19,10 +26,12 @@ from ..states import StateSpace
 #: The search for a singular configuration ends after this many times the expected time, which is
 #: only a linear estimate.
 _AHEAD = 2.0
-#: A singular value below this part of its value at the start counts as zero.
+#: A singular value below this part of its value at the start counts as zero. The singular time is
+#: known for the extrapolated motion only, and the singular values at this time are not quite zero.
 _VANISHED = 0.03
-#: Halfway there, one that falls linearly is about half of its value at the start: between these
-#: parts. Where branches are tangent, it falls with the square of the time, to a quarter.
+#: Halfway from the start to the singular configuration, the smallest singular value is between
+#: these parts of its value at the start if it falls linearly, to about a half. Where branches are
+#: tangent to each other, it falls with the square of the remaining time, to a quarter.
 _HALFWAY = (0.3, 0.7)
 #: Stages of the step, an even number so that none is in the middle.
 _STAGES = 8
@@ -85,23 +94,23 @@ class Branch:
         x = np.repeat((times - times[0]) / unit, 2)
 
         def interpolator(values: Array, derivatives: Array) -> KroghInterpolator:
-            rows = np.stack([values, unit * derivatives], axis=1)
-            return KroghInterpolator(x, rows.reshape(len(x), -1))
+            pairs = np.stack([values, unit * derivatives], axis=1)  # (N, value or derivative, ...)
+            return KroghInterpolator(x, pairs.reshape(len(x), -1))
 
         q_dot = np.array([space.coordinate_rates(q_k, v_k) for q_k, v_k in zip(q, v, strict=True)])
         self._q = interpolator(q, q_dot)
         self._v = interpolator(v, v_dot)
 
     def q(self, t: float) -> Array:
-        """The configuration."""
+        """The configuration at a time, shape (nq,)."""
         return self._normalised(np.asarray(self._q((t - self._start) / self._unit)))
 
     def v(self, t: float) -> Array:
-        """Rates of all joints."""
+        """Rates of all joints at a time, shape (nv,)."""
         return np.asarray(self._v((t - self._start) / self._unit))
 
     def v_dot(self, t: float) -> Array:
-        """Accelerations of all joints."""
+        """Accelerations of all joints at a time, shape (nv,)."""
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
@@ -109,7 +118,8 @@ class _ConstraintJacobian:
     """Phi along a branch, and its singular values that are not zero everywhere.
 
     Phi has nv columns, and the mechanism has n degrees of freedom. So r = nv - n singular values of
-    Phi are positive where the mechanism is regular. The others, of redundant rows, are zero.
+    Phi are positive where the mechanism is regular. If rows are redundant, Phi has more singular
+    values, which are zero at every configuration.
 
     Attributes:
         rank: r, the rank of Phi at the start.
@@ -134,34 +144,41 @@ class _ConstraintJacobian:
         return np.asarray(np.linalg.svd(self.at(t), compute_uv=False)[: self.rank])
 
     def _reduced(self, t: float) -> Array:
-        """U^T Phi V with the r singular vectors U and V at the start, shape (r, r).
+        """The reduced matrix U^T Phi V, with Phi at a time, shape (r, r).
 
-        It has no singular value that is zero everywhere: it is diagonal at the start, and along the
-        branch it is singular where Phi loses rank. So it has a determinant and a smallest value.
+        The columns of U and V are the first r singular vectors of Phi at the start. So the matrix
+        is diagonal at the start, with the r positive singular values. Unlike Phi, it is square: it
+        has a determinant, and along the branch it is singular where Phi loses rank.
         """
         return self._U.T @ self.at(t) @ self._V
 
     def least_vectors(self, t: float) -> tuple[Array, Array]:
-        """The left and the right singular vector of the smallest of the r values at a time."""
+        """The singular vectors u and w of the smallest singular value of the reduced matrix.
+
+        They are in the axes of Phi, with shapes (rows,) and (nv,): u^T Phi w is this value.
+        """
         left_vectors, _, right_vectors = np.linalg.svd(self._reduced(t))
         return left_vectors[:, -1] @ self._U.T, self._V @ right_vectors[-1]
 
     def determinant_sign(self, t: float) -> float:
-        """Sign of det(U^T Phi V), which each singular value that passes zero changes."""
+        """Sign of the determinant of the reduced matrix.
+
+        It changes each time that one singular value passes through zero.
+        """
         sign, _ = np.linalg.slogdet(self._reduced(t))
         return float(sign)
 
 
 def crossing_of(space: StateSpace, branch: Branch, start: float, remaining: float) -> Crossing:
-    """The singular configuration on a branch, expected at `remaining` after `start`.
+    """The singular configuration on a branch, expected a time `remaining` after `start`, [s].
 
     Raises:
         BranchError: If the branch through it is not determined.
     """
     jacobian = _ConstraintJacobian(space, branch, start)
     time = _singular_time(jacobian, start, start + _AHEAD * remaining)
-    zero = _VANISHED * jacobian.values_at_start
-    lost = int(np.count_nonzero(jacobian.singular_values(time) < zero))
+    count_as_zero_below = _VANISHED * jacobian.values_at_start
+    lost = int(np.count_nonzero(jacobian.singular_values(time) < count_as_zero_below))
     _require_determined_branch(jacobian, start, time, lost)
     rank = jacobian.rank
     return Crossing(time, branch.q(time), rank_before=rank, rank=rank - lost)
@@ -170,25 +187,31 @@ def crossing_of(space: StateSpace, branch: Branch, start: float, remaining: floa
 def _singular_time(jacobian: _ConstraintJacobian, start: float, until: float) -> float:
     """The time from `start` to `until` where Phi loses rank, [s].
 
-    Its smallest singular value vanishes there. A singular value has no sign, so its root cannot be
-    bracketed. With its singular vectors u and w, the function u^T Phi w is about this value with a
-    sign: Brent's method finds its root. The vectors are first those at the start, then those at
-    this root, because they vary a little along the branch.
+    The smallest of the r singular values is zero at this time. A singular value is never negative,
+    so its root cannot be bracketed. With the singular vectors u and w of this value, u^T Phi w is
+    about the singular value with a sign, and Brent's method finds the root of this function. The
+    vectors vary a little along the branch: the first root is found with the vectors at the start,
+    the second one with the vectors at the first root.
     """
+    first_root = _root_of_least_value(jacobian, start, start, until)
+    return _root_of_least_value(jacobian, first_root, start, until)
+
+
+def _root_of_least_value(
+    jacobian: _ConstraintJacobian, time_of_vectors: float, start: float, until: float
+) -> float:
+    """The time where u^T Phi w is zero, [s], with the vectors u and w of `time_of_vectors`."""
     from scipy.optimize import brentq
 
-    time = start
-    for _ in range(2):
-        u, w = jacobian.least_vectors(time)
+    u, w = jacobian.least_vectors(time_of_vectors)
 
-        def signed_value(t: float, u: Array = u, w: Array = w) -> float:
-            return float(u @ jacobian.at(t) @ w)
+    def signed_value(t: float) -> float:
+        return float(u @ jacobian.at(t) @ w)
 
-        if signed_value(start) * signed_value(until) > 0:
-            raise BranchError(f"{_UNDETERMINED}: the extrapolated motion does not cross it")
-        # As exactly as numbers allow: the step across is centred at this time.
-        time = float(brentq(signed_value, start, until, xtol=1e-15, rtol=1e-14))
-    return time
+    if signed_value(start) * signed_value(until) > 0:
+        raise BranchError(f"{_UNDETERMINED}: the extrapolated motion does not cross it")
+    # The root is found to rounding, because the step across is centred at this time.
+    return float(brentq(signed_value, start, until, xtol=1e-15, rtol=1e-14))
 
 
 def _require_determined_branch(
@@ -198,19 +221,22 @@ def _require_determined_branch(
 
     Args:
         jacobian: Phi along the branch.
-        start: A time before the singular configuration.
+        start: The time at which the step over the singular configuration starts.
         time: The time of the singular configuration.
-        lost: How many ranks Phi loses there.
+        lost: By how many the rank of Phi is smaller at this configuration.
     """
-    # Each lost rank changes the sign of the determinant once; another singular configuration would
-    # change it too.
-    behind = 2 * time - start
-    change = jacobian.determinant_sign(start) * jacobian.determinant_sign(behind)
+    # The step ends as long after the singular configuration as it starts before it. In between, the
+    # determinant changes its sign once for each lost rank. A further change is that of another
+    # singular configuration.
+    end = 2 * time - start
+    change = jacobian.determinant_sign(start) * jacobian.determinant_sign(end)
     if change != (-1) ** lost:
         raise BranchError(f"{_UNDETERMINED}: another singular configuration is next to it")
-    # The smallest singular value falls linearly unless branches are tangent to each other.
-    smallest = jacobian.singular_values((start + time) / 2)[-1] / jacobian.values_at_start[-1]
-    if not lost or not _HALFWAY[0] < smallest < _HALFWAY[1]:
+    # The smallest singular value falls linearly, to zero, unless branches are tangent to each
+    # other.
+    halfway = jacobian.singular_values((start + time) / 2)[-1] / jacobian.values_at_start[-1]
+    falls_linearly = _HALFWAY[0] < halfway < _HALFWAY[1]
+    if lost == 0 or not falls_linearly:
         raise BranchError(f"{_UNDETERMINED}: branches are tangent to each other there")
 
 
@@ -228,7 +254,7 @@ class _ButcherTableau(NamedTuple):
 
 
 def _gauss_tableau(stages: int) -> _ButcherTableau:
-    """Gauss' method, of order 2 s for s stages: they are at the roots of a Legendre polynomial.
+    """Gauss' method, which has order 2 s with s stages, at the roots of a Legendre polynomial.
 
     It is a collocation method: A_ij is the integral from 0 to c_i of the Lagrange polynomial that
     is one at stage j and zero at the others (E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary
@@ -237,10 +263,13 @@ def _gauss_tableau(stages: int) -> _ButcherTableau:
     roots, _ = np.polynomial.legendre.leggauss(stages)
     nodes = (1 + roots) / 2  # from (-1, 1) to (0, 1)
     c = np.append(nodes, 1)
-    # The columns of the inverse have the coefficients of the Lagrange polynomials, by powers.
-    powers = np.arange(stages)
-    lagrange_coefficients = np.linalg.inv(nodes[:, None] ** powers)
-    integrals_of_powers = c[:, None] ** (powers + 1) / (powers + 1)
+    # Lagrange polynomial j is sum_k a_kj x^k. It is 1 at node j and 0 at the others, so the matrix
+    # of a_kj is the inverse of the Vandermonde matrix of the nodes.
+    k = np.arange(stages)
+    vandermonde = nodes[:, None] ** k
+    lagrange_coefficients = np.linalg.inv(vandermonde)
+    # The integral of x^k from 0 to c_i is c_i^(k + 1) / (k + 1).
+    integrals_of_powers = c[:, None] ** (k + 1) / (k + 1)
     return _ButcherTableau(c, integrals_of_powers.dot(lagrange_coefficients))
 
 
@@ -252,10 +281,22 @@ def gauss_step(
     end: float,
     guess: Branch,
 ) -> tuple[Array, Array]:
-    """A step of Gauss' implicit method of order 16: times and states of start, stages and end.
+    """A step of Gauss' implicit method with s = 8 stages, of order 16.
 
-    The stages are found by fixed-point iteration from those of `guess`; after each iteration loops
-    are closed.
+    The stages are found by fixed-point iteration from the states of `guess` at the same times.
+    After each iteration the loops are closed.
+
+    Args:
+        space: The state space of the states.
+        rate: Computes the rate of a state at a time.
+        start: Time of the start, [s].
+        state: The state at the start, shape (nq + n,).
+        end: Time of the end, [s].
+        guess: The expected motion.
+
+    Returns:
+        Times, shape (s + 2,), and states, shape (s + 2, nq + n), at the start, the stages and the
+        end.
     """
     tableau = _gauss_tableau(_STAGES)
     h = end - start
@@ -271,19 +312,24 @@ def gauss_step(
         states = state + h * tableau.A.dot(rates)
         last_change = change
         change = float(np.abs(states - before).max())
-        if not change < last_change / 2:  # the rest is rounding
+        # An iteration that does not halve the change has reached rounding.
+        if not change < last_change / 2:
             break
     states[:, :nq] = space.closed(states)
     return np.append(start, times), np.vstack([state, states])
 
 
 def mismatch(
-    mechanism: Mechanism, branch: Branch, t: float, q: Array, v: Array, remaining: float
+    mechanism: Mechanism, branch: Branch, t: float, q: Array, v: Array, duration: float
 ) -> float:
-    """How far q and v at a time are from a branch, relative to the motion in `remaining`."""
-    scale = mechanism.rate_scale
+    """How far q and v at a time are from a branch, relative to the motion during a step.
+
+    `duration` is that of the step, [s]. An error of v counts as the error of q that it makes in
+    this time.
+    """
+    scale = mechanism.rate_scale  # so that metres and radians can be compared
     q_error = pin.difference(mechanism.model, branch.q(t), q) / scale
-    v_error = remaining * (v - branch.v(t)) / scale
-    travel = remaining * float(np.abs(v / scale).max())
+    v_error = duration * (v - branch.v(t)) / scale
+    travel = duration * float(np.abs(v / scale).max())
     error = max(float(np.abs(q_error).max()), float(np.abs(v_error).max()))
     return error / max(travel, 1e-300)
