@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Carries a simulated motion through the singular configurations that are ahead of it.
 
-At a singular configuration of the mechanism, Phi loses rank. Where only its dependent columns do,
-other coordinates help, and `CoordinateChange` chooses them; this module is about the former.
+At a singular configuration of the mechanism, the whole Phi loses rank. At other configurations only
+the dependent columns of Phi lose rank: there other coordinates help, and `CoordinateChange` chooses
+them. This module is about singular configurations of the mechanism.
 
-An integrator cannot step over a singular configuration, and its accelerations are noisy next to it.
-So the motion is integrated until some time before it; from there, one step of `crossings` leads to
-a state as long after it.
+An integrator cannot step over such a configuration, and the accelerations are noisy next to it. So
+`begin_approach` sends the motion back, and it is integrated until some time before the
+configuration. From there `cross` makes one step, by the functions of `crossings`, to a state as
+long after the configuration.
 """
 
 from __future__ import annotations
@@ -27,14 +29,15 @@ from .state_equations import MotionState, StateEquations
 
 #: The most states from which a motion is extrapolated through a singular configuration.
 _EXTRAPOLATED = 6
-#: The times from these states to the singular configuration grow by more than this factor from one
-#: state to the next earlier one.
+#: Each of these states is farther from the singular configuration than the next later one, by more
+#: than this factor in time.
 _SPREAD = 1.5
-#: If a singular configuration is noticed a time T before the motion reaches it, the step over it
-#: starts `EARLIER` T before it if it can, and T / `EARLIER` before it at the latest.
+#: When an irregular step shows a singular configuration, a time T remains until the motion reaches
+#: it. The motion goes back, and the step over the configuration starts `EARLIER` T before it. If
+#: the motion ends soon, the step starts later, T / `EARLIER` before it at the latest.
 EARLIER = 4.0
-#: The middle of the step is at the singular configuration to this part of half the step, after at
-#: most `_STEPS` tries.
+#: The step is repeated until its middle is at the singular configuration. The middle may differ by
+#: this part of half the step. After `_STEPS` tries the last step is taken.
 _CENTRED = 0.01
 _STEPS = 3
 #: The step is accepted if the `mismatch` of its end and of the branch, relative to the motion in
@@ -88,10 +91,10 @@ class SingularityCrossing:
         self._active = settings.through_singularities
         self._largest_mismatch = max(_EXACT, _TOLERANCES * settings.rtol)
         self._end = end
-        #: States at the ends of the last steps; three times as many as are used, because the motion
-        #: goes back before it steps over a singular configuration.
+        #: States at the ends of the last steps. They are three times as many as are used, because
+        #: `begin_approach` removes the latest ones.
         self._past = deque[MotionState](maxlen=3 * _EXTRAPOLATED)
-        #: The last time at which a singular configuration was noticed.
+        #: The end of the regular part of the step that showed the last singular configuration, [s].
         self._noticed = -np.inf
         self.approach: Approach | None = None
         self.crossings = list[Crossing]()
@@ -100,7 +103,7 @@ class SingularityCrossing:
     def remember(self, state: MotionState) -> None:
         """Add a state to those from which the motion is extrapolated.
 
-        It may be the last one again; `_last_states` takes it once.
+        The state added last may be added again: `_last_states` uses it once.
         """
         self._past.append(state)
 
@@ -138,7 +141,7 @@ class SingularityCrossing:
     def _approach_of(self, state: MotionState, t: float, q: Array) -> Approach | None:
         """The singular configuration ahead of q at time t; None if no step can lead over it.
 
-        The smallest singular value of Phi falls from a at `state` to b at q. If it goes on so, it
+        The smallest singular value of Phi falls from a at `state` to b at q. A line through both
         is zero at the time (t - state.t) b / (a - b) after t.
         """
         space = state.space
@@ -151,10 +154,11 @@ class SingularityCrossing:
             return None  # the motion does not come nearer to a singular configuration
         if t <= self._noticed:
             return None  # it was noticed before, and no step led over it
-        remaining = (t - state.t) * b / (a - b)
+        remaining = (t - state.t) * b / (a - b)  # the time T in the comment at `EARLIER`
         singular = t + remaining
-        # The step is as long behind the singular configuration as before it. It must end before the
-        # motion does. As `singular` is an estimate, half of the time behind it is left as reserve.
+        # The step ends as long after the singular configuration as it starts before it, and it must
+        # end before the motion does. As `singular` is an estimate, the step takes at most half of
+        # the time from there to the end of the motion.
         half_step = min(EARLIER * remaining, (self._end - singular) / 2)
         if half_step < remaining / EARLIER:
             return None  # too near to the end of the motion for a step over it
@@ -163,13 +167,15 @@ class SingularityCrossing:
     def cross(
         self, equations: StateEquations, state: MotionState
     ) -> tuple[MotionState, Branch] | None:
-        """The state behind the singular configuration that is approached, and the motion to there.
-
-        None if there is no such motion; then `approach` is a nearer start for another try, or None.
+        """Step over the singular configuration that is approached.
 
         Args:
             equations: The equations of the motion.
             state: The state at `approach.start`, the last one that `remember` got.
+
+        Returns:
+            The state behind the singular configuration, and the motion to there. It is None if no
+            such motion is found. Then `approach` has a later start for another try, or is None.
         """
         approach = self.approach
         assert approach is not None
@@ -185,12 +191,12 @@ class SingularityCrossing:
             self.crossings.append(step.crossing)
             self._past.clear()
             return step.behind, step.branch
-        # Try again from half the distance: the caller integrates until there. This is done only
-        # before the time at which the singular configuration was noticed, because accelerations are
-        # noisy behind it. (The first try may start later, if the motion ends soon.)
-        nearer = approach.start + approach.remaining / 2
-        if nearer <= self._noticed:
-            self.approach = Approach(nearer, approach.singular)
+        # Another try starts at half the remaining time: the caller integrates until then. It must
+        # not start after the singular configuration was noticed, because accelerations are noisy
+        # from then on. (The first try may start after that, if the motion ends soon.)
+        later_start = approach.start + approach.remaining / 2
+        if later_start <= self._noticed:
+            self.approach = Approach(later_start, approach.singular)
         return None
 
     def _step_over(
@@ -199,15 +205,15 @@ class SingularityCrossing:
         """The step from a state over the singular configuration that is approached.
 
         The step is repeated until its middle is at the singular configuration, because each step
-        shows better where this is.
+        shows more exactly where the singular configuration is.
 
         Raises:
             BranchError: If the branch is not determined, or does not continue the motion.
         """
         space = state.space
-        remaining = approach.remaining  # the first estimate, a unit of time in all tries
-        # The first branch extrapolates the past states. The next ones go through the stages of the
-        # last step.
+        remaining = approach.remaining  # the first estimate of half the step, kept in all tries
+        # The first branch extrapolates the past states. Each further branch goes through the start
+        # and the stages of the last step.
         branch = self._branch(equations, self._last_states(approach), remaining)
         crossing = crossing_of(space, branch, state.t, remaining)
         for _ in range(_STEPS):
@@ -221,7 +227,7 @@ class SingularityCrossing:
             crossing = crossing_of(space, branch, state.t, remaining)
             if abs(crossing.time - middle) < _CENTRED * remaining:
                 break
-        # `mismatch` decides whether the last step is good, even if it is not quite centred.
+        # `mismatch` decides whether the last step is exact, even if it is not quite centred.
         y_end = ys[-1]
         q, v, _ = equations.joint_motion(end, y_end)
         error = mismatch(self._mechanism, branch, end, q, v, end - state.t)
@@ -230,7 +236,7 @@ class SingularityCrossing:
         return _StepOver(crossing, branch, MotionState(end, space, q, y_end))
 
     def _last_states(self, approach: Approach) -> list[MotionState]:
-        """Some states before a singular configuration, the last one first, spread over the time."""
+        """Past states before a singular configuration, the last one first, spread over the time."""
         chosen = [self._past[-1]]
         for state in reversed(self._past):
             farthest = approach.singular - chosen[-1].t
@@ -241,20 +247,23 @@ class SingularityCrossing:
         return chosen
 
     def _branch(
-        self, equations: StateEquations, past: Sequence[MotionState], unit: float
+        self, equations: StateEquations, states: Sequence[MotionState], unit: float
     ) -> Branch:
-        """The smooth motion through some states."""
-        motions = [equations.in_coordinates_of(x.space).joint_motion(x.t, x.y) for x in past]
+        """The smooth motion through some states; `unit` is a unit of time, see `Branch`."""
+        motions = []
+        for state in states:
+            in_coordinates = equations.in_coordinates_of(state.space)
+            motions.append(in_coordinates.joint_motion(state.t, state.y))
         q, v, v_dot = (np.array(arrays) for arrays in zip(*motions, strict=True))
-        times = np.array([state.t for state in past])
+        times = np.array([state.t for state in states])
         return Branch(self._mechanism, times, q, v, v_dot, unit)
 
 
 def _smallest_singular_value(space: StateSpace, q: Array) -> float:
-    """The smallest singular value of Phi that is not zero everywhere.
+    """The smallest singular value of Phi that is not zero at every configuration.
 
-    Phi has nv columns. Its rank is nv - n where the mechanism is regular, and less where it is
-    singular. If rows are redundant, the values behind number nv - n are zero at every q.
+    Phi has nv columns, and its rank is nv - n where the mechanism is regular. So this is singular
+    value number nv - n, the largest first. Further ones are those of redundant rows.
     """
     Phi = space.Phi(q)
     rank = Phi.shape[1] - len(space.coordinates)
