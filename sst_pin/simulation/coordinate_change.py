@@ -18,9 +18,9 @@ from .state_equations import MotionState
 #: Condition number above which better coordinates are searched.
 _POOR = 50.0
 #: On the way to a singular configuration, the limit of the condition number is higher by this
-#: factor. The condition number grows as 1 / T, where T is the time that remains. The step over the
-#: singular configuration starts at T / `EARLIER` at the latest, if it is noticed at T, so the
-#: condition number grows by `EARLIER`. `MARGIN` is reserve.
+#: factor. The condition number grows as the inverse of the remaining time. Between the noticing of
+#: the configuration and the step over it, the remaining time falls by the factor `EARLIER` at most,
+#: so the condition number grows by `EARLIER` at most. `MARGIN` is a reserve.
 _NEAR_SINGULARITY = EARLIER * MARGIN
 
 
@@ -39,14 +39,17 @@ class RegularPart(NamedTuple):
 class CoordinateChange:
     """Keeps a motion in coordinates that determine its other joints well.
 
-    Good coordinates have dependent columns of Phi with a small condition number. A motion keeps its
-    coordinates while this number is below `limit`, and then changes to better ones.
+    With good coordinates, the columns of Phi of the other joints have a small condition number. A
+    motion keeps its coordinates while this number is below `limit`, and then changes to better
+    ones. These methods change the limit:
 
-    The limit changes as follows. `settle` chooses coordinates and sets the limit for them, at most
-    to the largest one that a user allows. On the way to a singular configuration, `allow_nearer`
-    raises it, also beyond the largest one; before the step over this configuration, `restore` puts
-    it back to the largest one if it is beyond. Behind the configuration, `settle_behind` chooses
-    coordinates and puts the limit above their condition number, which may be beyond the largest.
+    - `settle` chooses coordinates and sets the limit for them, at most to the largest limit that a
+      user allows.
+    - `allow_nearer` raises the limit on the way to a singular configuration, perhaps beyond the
+      largest one.
+    - `restore` lowers the limit to the largest one before the step over this configuration.
+    - `settle_behind` chooses coordinates behind the configuration, and sets a limit above their
+      condition number, perhaps beyond the largest one.
 
     Attributes:
         limit: Largest condition number of a regular configuration in the present coordinates.
@@ -55,7 +58,7 @@ class CoordinateChange:
     def __init__(self, robot_space: StateSpace, mechanism: Mechanism, largest: float) -> None:
         self._robot_space = robot_space
         self._mechanism = mechanism
-        #: The largest limit that a user allows.
+        #: The largest limit that a user allows, `max_condition_number`.
         self._largest = largest
         self.limit = 0.0  # `settle` sets it
 
@@ -83,52 +86,53 @@ class CoordinateChange:
         self.limit *= _NEAR_SINGULARITY
 
     def restore(self) -> None:
-        """Put a limit beyond the largest one that a user allows back to it, after an approach."""
+        """Lower the limit to the largest one that a user allows, after an approach."""
         self.limit = min(self._largest, self.limit)
 
     def should_settle(self, state: MotionState, *, near_singularity: bool) -> bool:
         """Whether `settle` would change the coordinates, or lower the limit much.
 
-        There are two reasons: the robot's own coordinates are good again, or the condition number
-        has fallen by MARGIN since `settle` set the limit to MARGIN times it. Near a singularity,
-        only the first one counts, because the limit is high on purpose.
+        Near a singularity a high limit is no reason, because `allow_nearer` has raised it.
         """
+        # The robot's own coordinates are good again.
         space = state.space
         robot_space = self._robot_space
         if space is not robot_space and robot_space.condition_number(state.q) < WELL_CONDITIONED:
             return True
+
+        # The limit is much higher than the one that `settle` would set for the same coordinates.
         if near_singularity or self.limit <= _POOR:
             return False
-        return space.condition_number(state.q) * MARGIN**2 < self.limit
+        new_limit = MARGIN * space.condition_number(state.q)
+        return new_limit * MARGIN < self.limit
 
     def regular_part(self, before: MotionState, step: IntegratorStep) -> RegularPart:
         """The regular part of a step from the state `before`."""
         space = before.space
 
-        # The configuration at a fraction `high` of the step, as `StateSpace.follow` needs it.
-        def path(_q: Array, _low: float, high: float) -> Array:
-            if high == 1:
+        def path(_q: Array, _previous_fraction: float, fraction: float) -> Array:
+            """The configuration at a fraction of the step, as `StateSpace.follow` calls it."""
+            if fraction == 1:
                 return space.closed(step.y)
-            return space.closed(step.dense_output(step.start + high * step.length))
+            return space.closed(step.dense_output(step.start + fraction * step.length))
 
-        # A step there and back may be long although its ends are close. So the part up to the
-        # reversal is tried first, then the rest.
-        first = self._reversal(before, step)
-        fraction, q = space.follow(before.q, path, self.limit, first)
-        return RegularPart(fraction, q)
+        # A step there and back may be long although its ends are close. So `follow` first tries the
+        # part up to the reversal.
+        regular_fraction, q = space.follow(before.q, path, self.limit, self._reversal(before, step))
+        return RegularPart(regular_fraction, q)
 
     def _reversal(self, before: MotionState, step: IntegratorStep) -> float:
         """The fraction of a step after which its motion reverses; 1 if it does not.
 
-        The rates vary from a to b about linearly, a + x (b - a). Their norm is least at
-        x = a.(a - b) / |a - b|^2. The motion reverses there if this norm is less than half of |a|
-        and of |b|.
+        The rates vary from a at the start to b at the end about linearly: at the fraction x they
+        are a + x (b - a). Their norm is least at x = a.(a - b) / |a - b|^2. The motion reverses
+        there if this least norm is less than half of |a| and less than half of |b|.
         """
-        scale = self._mechanism.rate_scale[before.space.coordinates]
+        scale = self._mechanism.rate_scale[before.space.coordinates]  # to compare metres, radians
         a = before.rates / scale
         b = step.y[len(before.q) :] / scale
         x = float(a.dot(a - b) / max((a - b).dot(a - b), 1e-300))
-        least = np.linalg.norm(a + x * (b - a))
-        if 0 < x < 1 and least < min(np.linalg.norm(a), np.linalg.norm(b)) / 2:
+        least_norm = np.linalg.norm(a + x * (b - a))
+        if 0 < x < 1 and least_norm < min(np.linalg.norm(a), np.linalg.norm(b)) / 2:
             return x
         return 1.0
