@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rollouts with stops, dry friction that sticks, ropes, cables and contacts."""
+"""Rollouts with stops, dry friction that sticks, ropes, cables and contacts.
+
+`nonsmooth_rollout` makes the arrays of a batch, `_Motions` fills them step by step, and `_results`
+makes a `NonsmoothRollout` of them. `NonsmoothRows` has one row for each impulse of a step: three
+rows for a contact, and one row for a rope, a cable, a stop, or a joint or line with dry friction.
+"""
 
 from __future__ import annotations
 
 import math
-import warnings
 from functools import partial
 from typing import NamedTuple
 
@@ -16,7 +20,7 @@ from ..dynamics.impulses import SOLVED
 from ..dynamics.nonsmooth_rows import NonsmoothRows, motor_gains
 from ..dynamics.nonsmooth_step import NonsmoothArrays
 from ..engine import Engine
-from ..errors import InputError, SSTError
+from ..errors import InputError, SSTError, warn_caller
 from ..progress import counted
 from ..states import WrenchesAt
 from .nonsmooth_reference import NonsmoothReference
@@ -31,16 +35,16 @@ NOT_REACHED = 2
 class NonsmoothRollout(NamedTuple):
     """Motions with stops, dry friction, ropes and contacts, with steps of one length.
 
-    Forces are means over each of the N steps. Add those of contacts and ropes to what the motors
-    give for the balance of a body.
+    Forces are means over each of the N steps. They act besides the motor torques: the balance of a
+    body needs both.
 
     Attributes:
         q: Configurations, shape (..., N + 1, nq).
         va: Rates of the coordinates, shape (..., N + 1, n).
         contact_forces: Forces on the bodies of the contacts' frames, in axes of their grounds,
             shape (..., N, contacts, 3), [N].
-        tensions: Tensions of the ropes, then of lines with `pulls_only`, shape (..., N, ropes +
-            cables), [N].
+        tensions: Tensions of the ropes, then of the cables, which are the lines with `pulls_only`,
+            shape (..., N, ropes + cables), [N].
         joint_forces: Forces of stops and dry friction on the joints, shape (..., N, nv).
         residual: Error of complementarity of each step, relative to its impulses, shape (..., N).
         status: 0 where the residual is at most 1e-9, 1 where it is larger, 2 for steps after the
@@ -112,16 +116,15 @@ def nonsmooth_rollout(
     rows = NonsmoothRows(mechanism, motor_gains(motor_stiffness, motor_damping, motors))
     if motor_positions is None:
         positions_at_start = _motor_positions(engine, rows, arguments.q0)
-        positions = _in_each_step(positions_at_start[..., None, :], steps)
-    else:
-        checked = finite_array if arguments.raises else as_array
-        positions = checked("motor_positions", motor_positions, (motors,))
-        positions = _in_each_step(positions, steps)
-
-    samples = arguments.samples(positions)
+        positions = positions_at_start[..., None, :]  # the same in all steps
+    elif arguments.raises:
+        positions = finite_array("motor_positions", motor_positions, (motors,))
+    else:  # the motions with numbers that are not finite end at once
+        positions = as_array("motor_positions", motor_positions, (motors,))
+    samples = arguments.samples(_in_each_step(positions, steps))
     assert samples.motor_positions is not None
+
     count = math.prod(samples.batch)
-    impulses = len(rows.kinds)
     arrays = NonsmoothArrays(
         dt=arguments.dt,
         tau=np.require(samples.tau, float, "C"),
@@ -129,9 +132,10 @@ def nonsmooth_rollout(
         load=samples.wrenches,
         q=np.empty((count, steps + 1, mechanism.model.nq)),
         va=np.empty((count, steps + 1, len(mechanism.coordinates))),
-        forces=np.empty((count, steps, impulses)),
+        forces=np.empty((count, steps, rows.count)),
         residual=np.empty((count, steps)),
-        impulses=np.zeros((count, impulses)),  # of the last step: where the solver starts
+        # The solver starts from the impulses of the step before; there is none before the first.
+        impulses=np.zeros((count, rows.count)),
     )
     arrays.q[:, 0] = samples.q0
     arrays.va[:, 0] = samples.va0
@@ -153,7 +157,8 @@ def nonsmooth_rollout(
 def _in_each_step(positions: Array, steps: int) -> Array:
     """Positions that the motors hold in each step, shape (..., steps, motors).
 
-    They have this shape already, or are the same in all steps, shape (..., 1, motors) or (motors,).
+    The argument has this shape, or shape (..., 1, motors) or (motors,) if the positions are the
+    same in all steps.
     """
     if positions.ndim == 1:
         positions = positions[None]
@@ -167,20 +172,22 @@ def _in_each_step(positions: Array, steps: int) -> Array:
 def _motor_positions(engine: Engine, rows: NonsmoothRows, q: Array) -> Array:
     """Positions of the motors at configurations, shape (..., motors)."""
     line_lengths = engine.reference.context.lines.lengths
-    flat = q.reshape(math.prod(q.shape[:-1]), q.shape[-1])
-    positions = [rows.motor_positions(each, line_lengths(each)) for each in flat]
-    return np.reshape(positions, (*q.shape[:-1], len(rows.mechanism.motor_names)))
+    batch = q.shape[:-1]
+    configurations = q.reshape(math.prod(batch), q.shape[-1])
+    positions = [rows.motor_positions(each, line_lengths(each)) for each in configurations]
+    return np.reshape(positions, (*batch, len(rows.mechanism.motor_names)))
 
 
 class _Motions:
-    """Motions of a batch.
+    """Makes the steps of the motions of a batch.
 
-    Compiled code makes their steps until it cannot vouch for one. The reference path makes this
-    step and those after it, until the coordinates are good; then compiled code goes on.
+    Compiled code, if there is any, makes the steps of a motion until it cannot vouch for one. The
+    reference path makes this step, and further ones until the robot's coordinates are good. Then
+    compiled code goes on.
 
     Attributes:
-        steps_made: Number of steps of each motion, shape (N,).
-        errors: Why motions ended early, by their indices.
+        steps_made: Number of steps of each motion, shape (N,) for the N motions of the batch.
+        errors: Why motions ended early, by the index of the motion.
         cannot_start: Indices of the motions whose start is refused.
     """
 
@@ -205,7 +212,10 @@ class _Motions:
         self.cannot_start = set[int]()
 
     def run(self, threads: int) -> None:
-        """Make the steps; results are NaN after the end of a motion, all if it cannot start."""
+        """Make the steps, and fill results after the end of a motion with NaN.
+
+        All results of a motion that cannot start are NaN.
+        """
         arrays = self._arrays
         if self._code is not None:
             self.steps_made[:] = self._code.run(self._rows, arrays, threads)
@@ -220,7 +230,7 @@ class _Motions:
             arrays.residual[i, steps_made:] = np.nan
 
     def _can_start(self, i: int) -> bool:
-        """Whether motion i can start; if not, its error is added."""
+        """Whether motion i can start; if not, its error is added to `errors`."""
         try:
             self._reference.require_start(self._arrays.q[i, 0], self._arrays.va[i, 0])
         except SSTError as error:
@@ -242,7 +252,8 @@ class _Motions:
             if end.error is not None:
                 self.errors[i] = end.error
             elif self._code is not None and steps_made < steps:
-                rest = arrays.part(slice(i, i + 1), steps_made)  # views, which the code fills
+                # The code fills views of the arrays: motion i from its state `steps_made` on.
+                rest = arrays.part(slice(i, i + 1), steps_made)
                 steps_made += int(self._code.run(self._rows, rest, 1)[0])
         self.steps_made[i] = steps_made
 
@@ -258,29 +269,32 @@ def _results(
 ) -> NonsmoothRollout:
     """The arrays in the shapes of the arguments; a warning if a step is not solved."""
     steps = arrays.residual.shape[1]
-    parts = rows.parts
 
-    def of_batch(array: Array) -> Array:
-        return array.reshape(*batch, *array.shape[1:])
-
-    forces = of_batch(arrays.forces)
-    contacts = len(rows.mechanism.contacts.points)
+    # The status of each step, shape (N, steps).
     status = np.where(arrays.residual <= SOLVED, SOLVED_STEP, NOT_SOLVED)
-    status[np.arange(steps) >= steps_made[:, None]] = NOT_REACHED
+    is_after_end = np.arange(steps) >= steps_made[:, None]
+    status[is_after_end] = NOT_REACHED
     unsolved = status == NOT_SOLVED
     if unsolved.any():
         worst = float(arrays.residual[unsolved].max())
-        warnings.warn(
+        warn_caller(
             f"{int(unsolved.sum())} of {unsolved.size} steps are not solved to {SOLVED:g} of their "
             f"impulses (at worst {worst:.2g}); see status",
             RuntimeWarning,
-            stacklevel=4,
         )
+
+    # The results in the shape of the batch.
+    def of_batch(array: Array) -> Array:
+        return array.reshape(*batch, *array.shape[1:])
+
+    parts = rows.parts
+    forces = of_batch(arrays.forces)
+    contacts = len(rows.mechanism.contacts.points)
     return NonsmoothRollout(
         q=of_batch(arrays.q),
         va=of_batch(arrays.va),
         contact_forces=forces[..., parts.contacts].reshape(*batch, steps, contacts, 3),
-        tensions=forces[..., parts.ropes.start : parts.cables.stop],
+        tensions=forces[..., parts.ropes.start : parts.cables.stop],  # cables follow ropes
         joint_forces=forces @ rows.on_joints,
         line_friction=forces[..., parts.dry_lines],
         residual=of_batch(arrays.residual),
