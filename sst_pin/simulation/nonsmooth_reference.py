@@ -27,15 +27,17 @@ class NonsmoothReference:
         self._rows = rows
         self._mechanism = engine.mechanism
         self._space = StateSpace(engine.reference, engine.mechanism.friction)
-        #: Steps in each of the coordinates that were needed, by the bytes of their indices.
+        #: A `NonsmoothStep` for each choice of coordinates that was needed. A choice is an array of
+        #: indices in v, and its bytes are the key.
         self._steps = dict[bytes, NonsmoothStep]()
 
     def require_start(self, q: Array, va: Array) -> None:
         """Refuse open loops, and contacts, ropes and stops that are violated."""
-        self._space.start_rates(q, va)
+        self._space.start_rates(q, va)  # refuses open loops
+        # The gaps of contacts, ropes and stops, in this order.
         gaps = self._step_in(self._space).gaps(q)
         mechanism = self._mechanism
-        names = [f"contact {contact}" for contact in mechanism.contacts.points]  # as `gaps`
+        names = [f"contact {contact}" for contact in mechanism.contacts.points]
         names += [f"rope {rope}" for rope in mechanism.contacts.ropes]
         for stop in self._rows.stops:
             names.append(f"the range of {mechanism.space.rate_names[stop.rate]}")
@@ -44,7 +46,8 @@ class NonsmoothReference:
                 problem = f"{name} is violated by {-gap:.3g} (m or rad); start on its free side"
                 raise InputError("q0", problem)
 
-    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
+    # Numbers overflow in a motion that diverges. The motion ends there, without NumPy's warnings.
+    @np.errstate(over="ignore", invalid="ignore")
     def fill(
         self,
         arrays: NonsmoothArrays,
@@ -56,13 +59,23 @@ class NonsmoothReference:
     ) -> RolloutEnd:
         """Fill states, forces, residuals and impulses of motion i after its state `first`.
 
-        The valid states of the result are counted from the start of the motion. With `until_good`
-        it returns after at least one step where the robot's coordinates are good.
+        Args:
+            arrays: The arrays of the batch. The motion has valid states up to `first`.
+            i: Index of the motion.
+            first: Index of the state from which the steps are made.
+            wrenches: Computes the external wrenches at a configuration.
+            until_good: Whether to return, after one step or more, as soon as the robot's
+                coordinates are good.
+
+        Returns:
+            The number of valid states, counted from the start of the motion, and an error if the
+            motion ended early.
         """
         q = arrays.q[i]
-        va = arrays.va[i]
+        va = arrays.va[i]  # rates of the robot's coordinates
         h = arrays.dt
-        # The coordinates of `space` are good; `rates` are theirs, v are those of all joints.
+        # The steps are made in the coordinates of `space`, which are good at each state. `rates`
+        # are the rates of these coordinates, and v the rates of all joints.
         space = self._space
         rates = va[first]
         try:
@@ -90,7 +103,7 @@ class NonsmoothReference:
             rates = step.va
             q[s + 1] = step.q
             va[s + 1] = v[self._space.coordinates]
-            arrays.forces[i, s] = step.x / h
+            arrays.forces[i, s] = step.x / h  # x are the impulses
             arrays.residual[i, s] = step.residual
             arrays.impulses[i] = step.x  # where the solver starts in the next step
         return RolloutEnd(len(q), None)
@@ -110,10 +123,12 @@ class NonsmoothReference:
         if not np.isfinite(step.q).all() or not np.isfinite(step.x).all():
             raise StepError(NOT_FINITE)
         model = self._mechanism.model
+        scale = self._mechanism.rate_scale
         displacement = pin.difference(model, q, step.q)
-        # Along the rates the step leaves the closures by an error of order h^2.
-        correction = (displacement - h * step.v) / self._mechanism.rate_scale
-        length = float(np.abs(h * step.v / self._mechanism.rate_scale).max())
+        # A step along the rates opens the loops, by an error of order h^2. The correction has
+        # closed them.
+        correction = (displacement - h * step.v) / scale
+        length = float(np.abs(h * step.v / scale).max())
         if np.abs(correction).max() > LARGEST_BEND * length + CLOSURE_TOLERANCE:
             raise StepError("the step is too long for the curvature of the motion; shorten dt")
         space.require_continuous(q, step.q)
