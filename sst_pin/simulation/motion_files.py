@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions and torques of any closed chain in CSV files."""
+"""Motions and torques of any closed chain in CSV files, and motions in NPZ files.
+
+- `read_motion` reads a motion and computes its torques; `load_motion` takes those of the file.
+- `read_log` reads a measured motion with measured torques.
+- `read_start` reads the first state of a simulation, and `read_torques` its torques.
+
+A column has the name of a joint or a rate with a unit, such as `crank_rad` (`motion_columns`).
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,7 +27,7 @@ from .trajectories import Trajectory, require_motion, trajectory_of
 
 #: Computes q, va and aa from a table whose columns are not joints; None for other tables.
 TableReader = Callable[[Table], tuple[Array, Array, Array] | None]
-#: Factors to SI units by the ending of a joint's column.
+#: Factors to SI units by the ending of a joint's column, for joints that turn and that slide.
 _ENDINGS = {"rad": {"_rad": 1.0, "_deg": np.pi / 180}, "m": {"_m": 1.0, "_mm": 1e-3}}
 
 
@@ -35,7 +42,7 @@ def _rate_columns(mechanism: Mechanism) -> list[str]:
 
 
 def _joint_positions(mechanism: Mechanism, table: Table) -> dict[str, Array]:
-    """Positions of the joints that have a column, in SI."""
+    """Positions of the joints that have a column, [rad] or [m], by name, each of shape (N,)."""
     joints = dict[str, Array]()
     columns = set(table.columns)
     for name, unit in units_by_joint(mechanism.space).items():
@@ -61,18 +68,22 @@ def _joint_positions(mechanism: Mechanism, table: Table) -> dict[str, Array]:
 
 def _needed_columns(mechanism: Mechanism, table: Table) -> str:
     """The columns that a motion needs, and those of the table, for messages."""
-    known = units_by_joint(mechanism.space)
+    units = units_by_joint(mechanism.space)
     names = mechanism.coordinate_names
     columns = f"this file has {', '.join(table.columns)}"
-    if not set(names) <= known.keys():
+    if not set(names) <= units.keys():
+        # Some coordinates, such as rates of a ball joint, have no position of their own.
         needed = ", ".join(["t_s", *_position_columns(mechanism), *_rate_columns(mechanism)])
         return f"a motion of this robot has the columns {needed} and accelerations; {columns}"
-    needed = ", ".join(["t_s", *(f"{name}_{known[name]}" for name in names)])
+    needed = ", ".join(["t_s", *(f"{name}_{units[name]}" for name in names)])
     return f"a motion has the columns {needed} (or _deg, _mm); {columns}"
 
 
 def _coordinates_and_start(engine: Engine, table: Table) -> tuple[Array, Array]:
-    """Positions of the coordinates in a table, shape (N, n), and the configuration at the start."""
+    """Positions x of the coordinates in a table, shape (N, n), and the first configuration, (nq,).
+
+    If other joints have columns too, their first row selects the assembly mode.
+    """
     mechanism = engine.mechanism
     mechanism.require_freedom()
     joints = _joint_positions(mechanism, table)
@@ -101,7 +112,14 @@ def _saved_columns(mechanism: Mechanism, table: Table) -> tuple[Array, Array, Ar
 def _motion_of(
     engine: Engine, table: Table, reader: TableReader | None, tau: Array | None = None
 ) -> Trajectory:
-    """The motion in a table, with torques tau, or computed torques without them."""
+    """The motion in a table.
+
+    Args:
+        engine: The robot.
+        table: The table.
+        reader: Reads tables whose columns are not joints, or None.
+        tau: Motor torques, shape (N, motors); they are computed if it is None.
+    """
     mechanism = engine.mechanism
     t = table.column("t_s")
     joint_motion = _saved_columns(mechanism, table)
@@ -116,8 +134,8 @@ def _motion_of(
     try:
         motion = coordinate_trajectory(engine, t, x, start)
     except ClosureError as error:
-        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
-        raise FileFormatError(table.path, str(error), line) from None
+        row = error.samples[0][0] if error.samples else 0  # the sample that cannot be closed
+        raise FileFormatError(table.path, str(error), table.lines[row]) from None
     if tau is None:
         return motion
     return trajectory_of(mechanism, t, motion.q, motion.va, motion.aa, tau)
@@ -144,7 +162,7 @@ def read_motion(
 
     The columns are `t_s` and, for each coordinate, `NAME_rad` or `NAME_deg`, or of a sliding joint
     `NAME_m` or `NAME_mm`. The other joints follow from the closures, and rates from splines of
-    degree five. Where other joints have columns too, their first row selects the assembly mode. A
+    degree five. If other joints have columns too, their first row selects the assembly mode. A
     file of `Trajectory.save`, with all joints, rates and accelerations, is used as it is. `reader`
     reads tables with other columns. Errors name the line.
     """
@@ -204,10 +222,11 @@ def read_torques(mechanism: Mechanism, table: Table) -> Array:
     motors = mechanism.motor_names
     units = mechanism.motor_units
     columns = columns_of("tau", motors, units)
-    numbered = columns_of("tau", [str(k) for k in range(1, len(columns) + 1)], units)
-    if not {*table.columns} & {*columns} and {*table.columns} >= {*numbered}:
+    numbered = columns_of("tau", [str(k) for k in range(1, len(motors) + 1)], units)
+    present = set(table.columns)
+    if present.isdisjoint(columns) and present.issuperset(numbered):
         columns = numbered
-    others = {torque.column for torque in columns_in(table, "tau")} - {*columns}
+    others = {torque.column for torque in columns_in(table, "tau")} - set(columns)
     if others:
         raise FileFormatError(
             table.path,
@@ -218,8 +237,8 @@ def read_torques(mechanism: Mechanism, table: Table) -> Array:
     return table.select(columns)
 
 
-def _arguments(names: Sequence[str]) -> str:
-    """An example of an option of the shell."""
+def _example_of_option(names: Sequence[str]) -> str:
+    """What to write after an option of the shell: `crank=..,rocker=..`."""
     return ",".join(f"{name}=.." for name in names)
 
 
@@ -242,7 +261,7 @@ def _start_rates(
         return np.asarray(table.select(columns)[0])
     if q0 is not None and not set(columns) & set(table.columns):
         return np.zeros(len(names))
-    cure = f"give --va0 {_arguments(names)}"
+    cure = f"give --va0 {_example_of_option(names)}"
     missing = [column for column in columns if column not in table.columns]
     problem = f"no columns {', '.join(missing)} for the initial rates; {cure}"
     raise FileFormatError(table.path, problem)
@@ -256,9 +275,12 @@ def read_start(
 ) -> tuple[Array, Array]:
     """Initial q, shape (nq,), and va, shape (n,), by name, or from the first row of a table.
 
-    The table has positions as for `read_motion`, and rates `NAME_rad_s` or `NAME_m_s`. Without
-    `va0` the rates are those of the row, or zero if q0 is given and the row has none; rates that
-    `va0` leaves out are zero.
+    Args:
+        engine: The robot.
+        table: Positions as for `read_motion`, and rates `NAME_rad_s` or `NAME_m_s`.
+        q0: Positions of joints by name, [rad] or [m]; by default those of the row.
+        va0: Rates of the coordinates by name; those that it leaves out are zero. By default they
+            are those of the row, or zero if q0 is given and the row has no rates.
     """
     va = _start_rates(engine.mechanism, table, q0, va0)
     columns = _position_columns(engine.mechanism)
@@ -270,7 +292,7 @@ def read_start(
     names = engine.mechanism.coordinate_names
     missing = [name for name in names if name not in q0]
     if missing:
-        cure = f"give --q0 {_arguments(names)}"
+        cure = f"give --q0 {_example_of_option(names)}"
         problem = f"no {', '.join(missing)} for the initial positions; {cure}"
         raise FileFormatError(table.path, problem)
     return placed(engine, q0), va
