@@ -2,6 +2,7 @@
 """Torques and loads of a simulation, in all forms that a user can give.
 
 Each form is an `Input`: its value at one time, and its values along samples of a motion.
+`torque_input` and `load_input` make inputs from the arguments of `simulate`.
 """
 
 from __future__ import annotations
@@ -48,9 +49,10 @@ WrenchLoad = Callable[[float, Array, Array], Wrenches] | Wrenches | None
 #: the loops, which takes long, so that an input calls it only if it needs the state.
 RobotState = Callable[[], tuple[Array, Array]]
 
-#: A spline through fewer samples suffices if its error is at most this part of the largest torque.
+#: A subset of samples is enough if its spline differs from the other samples by at most this part
+#: of the largest torque.
 _SMOOTH = 1e-3
-#: A subset of samples has at least half as many as this.
+#: A set of so many samples, or fewer, is not thinned out any more.
 _FEW_SAMPLES = 12
 
 
@@ -59,7 +61,8 @@ class Input(ABC):
 
     Attributes:
         sampling: The calls of a `SampledTorque`; None for other inputs.
-        times: Times, shape (N,), or None. A step that passes two of them may miss a change.
+        times: Times, shape (N,), [s], or None. A step of the integrator that passes two of them may
+            miss a change of the input.
         is_function: Whether it is a function of the user, which can change at any time.
     """
 
@@ -69,11 +72,11 @@ class Input(ABC):
 
     @abstractmethod
     def at(self, t: float, state: RobotState) -> Array:
-        """Its value at one time."""
+        """Its value at one time: torques, shape (motors,), or wrenches on the bodies, (r, 6)."""
 
     @abstractmethod
     def along(self, t: Array, q: Array, va: Array) -> Array:
-        """Its values at times (N,), for q (N, nq) and va (N, n)."""
+        """Its values at N times, shape (N, ...), for q (N, nq) and va (N, n)."""
 
 
 class ConstantInput(Input):
@@ -130,7 +133,7 @@ def _times_of_changes(times: Array, torques: Array) -> Array:
     largest_error = _SMOOTH * np.abs(torques).max(initial=0.0)
     chosen = times
     while len(chosen) > _FEW_SAMPLES:
-        fewer = np.append(chosen[:-1:2], chosen[-1])
+        fewer = np.append(chosen[:-1:2], chosen[-1])  # every second time, and the last one
         curve = spline(fewer, torques[np.searchsorted(times, fewer)])
         if np.abs(curve(times) - torques).max() > largest_error:
             break
@@ -143,24 +146,26 @@ class SplineInput(Input):
 
     def __init__(self, times: Array, torques: Array) -> None:
         self._spline = spline(times, torques)
-        # Its polynomials, which take a sixth of the time of a call for one time. The piece k begins
-        # at starts[k]; its powers of (t - starts[k]) have the coefficients pieces[k].
+        # Between two knots the spline is a polynomial. For one time, the polynomial is evaluated in
+        # a sixth of the time that a call of SciPy's spline takes. Piece k begins at the knot
+        # starts[k]. By Taylor's formula, the coefficient of (t - starts[k])^j is the derivative j
+        # at the knot over j!; pieces[k] has these coefficients, shape (degree + 1, motors).
         starts = np.unique(self._spline.t)[:-1]
         degree = self._spline.k
-        derivatives = [self._spline(starts, j) / factorial(j) for j in range(degree + 1)]
+        coefficients = [self._spline(starts, j) / factorial(j) for j in range(degree + 1)]
         self._starts = starts.tolist()
-        self._pieces = list(np.stack(derivatives, axis=1))
+        self._pieces = list(np.stack(coefficients, axis=1))
         self._powers = np.arange(degree + 1.0)
         self.times = _times_of_changes(times, torques)
 
     def at(self, t: float, state: RobotState) -> Array:
-        """A polynomial of the spline."""
-        # Times before the first piece, by the rounding of an integrator, belong to it.
+        """The torques at one time, by the polynomial between two knots."""
+        # An integrator may ask for a time before the first knot, by rounding: piece 0 is taken.
         k = max(bisect_right(self._starts, t) - 1, 0)
         return np.asarray(((t - self._starts[k]) ** self._powers).dot(self._pieces[k]))
 
     def along(self, t: Array, q: Array, va: Array) -> Array:
-        """The spline."""
+        """The torques at all times, by the spline."""
         return np.asarray(self._spline(t))
 
 
@@ -172,11 +177,11 @@ class SampledInput(Input):
         self.sampling = sampling
 
     def at(self, t: float, state: RobotState) -> Array:
-        """The torques that act."""
+        """The torques that act now."""
         return self._sampling.now
 
     def along(self, t: Array, q: Array, va: Array) -> Array:
-        """The torques that act, which are constant within a step."""
+        """The torques that act now. They are constant within a step, and so at all times `t`."""
         now = self._sampling.now
         return np.broadcast_to(now, (len(t), *now.shape))
 
@@ -184,7 +189,8 @@ class SampledInput(Input):
 def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, by_spacing: bool) -> Input:
     """The motor torques of a simulation with these output times.
 
-    If they are a function, `by_spacing` says that no step of the integrator passes two of `times`.
+    `by_spacing` is for torques that are a function: whether the steps of the integrator are as
+    short as the spacing of `times`, so that no step passes two of them.
     """
     motors = len(mechanism.motor_names)
     if isinstance(torque, Trajectory):
@@ -193,6 +199,7 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, by_spaci
         require_distinct(torque.period, times)
         return SampledInput(Sampling(torque, float(times[0]), motors))
     function_or_values: Any = torque_function(torque)
+    # The object of a bound method, such as `controller.torque`.
     controller = getattr(function_or_values, "__self__", None)
     if getattr(controller, "sampled_only", False):
         problem = f"{type(controller).__name__} depends on the calls before, so it is sampled only"
@@ -226,12 +233,12 @@ def load_input(
     *,
     by_spacing: bool,
 ) -> Input | None:
-    """Both loads as wrenches on all bodies; None without a load.
+    """Both loads as wrenches on all bodies, shape (r, 6); None without a load.
 
     `by_spacing` is the same as in `torque_input`.
     """
     shape = engine.mechanism.model.njoints - 1, 6
-    # Moments of wrenches at frames, about the mass centres, change with q.
+    # Wrenches at frames are a mapping. Their moments about the mass centres change with q.
     depends_on_q = isinstance(external_wrenches, Mapping)
     if callable(platform_moment) or callable(external_wrenches) or depends_on_q:
         load = _load_function(engine, platform_moment, external_wrenches)
@@ -246,7 +253,7 @@ def load_input(
 def _load_function(
     engine: Engine, platform_moment: ExternalLoad, external_wrenches: WrenchLoad
 ) -> Callable[[float, Array, Array], Any]:
-    """Both loads as a function of (t, q, va), one sample of shape (r, 6)."""
+    """Both loads as one function of (t, q, va) with values of shape (r, 6)."""
 
     def load(t: float, q: Array, va: Array) -> Any:
         moment: ArrayLike | None
