@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Torques of a digital controller: sampled, delayed and constant between samples."""
+"""Torques of a digital controller: sampled, delayed and constant between samples.
+
+`SampledTorque` is what a user makes; `Sampling` calls its function along one motion.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, positive_number, single_array
 from ..errors import InputError
 
-#: Times that differ by less than this part of a period are equal.
+#: Times count as equal if they differ by less than this part of a period, as by rounding.
 _SAME = 1e-3
 
 
@@ -26,7 +29,7 @@ class TorqueSource(Protocol):
 
 
 def torque_function(source: Any) -> Any:
-    """The torque function of a controller; other values as they are."""
+    """The method `torque` of a controller; any other value is returned as it is."""
     method = getattr(source, "torque", None)
     return method if callable(method) else source
 
@@ -34,9 +37,9 @@ def torque_function(source: Any) -> Any:
 class SampledTorque:
     """A torque function that is called once in each period, with a delay until its torques act.
 
-    The torques act until the next ones do; before the first ones they are zero. `simulate` starts a
-    new integration where the torques change. It calls the function in the order of time, so that
-    the function may have a state, as a controller that learns.
+    The torques of a call act until those of the next call act; before the first ones, the torques
+    are zero. `simulate` starts a new integration where the torques change. It calls the function in
+    the order of time, so that the function may have a state, as a controller that learns.
 
     Args:
         function: (t, q, va) -> torques, shape (motors,), or a controller.
@@ -69,8 +72,9 @@ class SampledTorque:
         self.function = calls
         self.period = positive_number("period", period)
         self.delay = positive_number("delay", delay, or_zero=True)
-        # Of `torque`: its calls so far, and the time of the last one.
+        #: Calls the function for the method `torque`, from the first call of this method on.
         self._sampling: Sampling | None = None
+        #: Time of the last call of the method `torque`, [s].
         self._last = -np.inf
 
     def torque(self, t: float, q: Array, va: Array) -> Array:
@@ -96,17 +100,20 @@ class SampledTorque:
 
 
 def require_distinct(period: float, times: Array) -> None:
-    """Refuse a period that is not larger than the rounding of times."""
+    """Refuse a period in which times that should be equal can differ by more than `_SAME` periods.
+
+    Equal times may differ by a few roundings: four are allowed for.
+    """
     least = 4 / _SAME * float(np.spacing(np.abs(times).max()))
     if not period > least:
         raise InputError("period", f"{period:g} s; at these times at least {least:.2g} s")
 
 
 class Sampling:
-    """The torques of a `SampledTorque` from a start time.
+    """The torques of a `SampledTorque` along one motion.
 
-    The function is called at start + k period, k = 0, 1, ...; the torques of a call act after the
-    delay, until those of the next call do.
+    The function is called at start + k period, k = 0, 1, ... The torques of a call act after the
+    delay, until those of the next call act.
 
     Attributes:
         now: The torques that act, shape (motors,).
@@ -115,44 +122,53 @@ class Sampling:
     def __init__(self, torque: SampledTorque, start: float, motors: int | None = None) -> None:
         self._torque = torque
         self._start = start
-        #: The next k.
+        #: The number k of the next call.
         self._next_period = 0
-        #: Torques that will act, with the times from which they do, in the order of these times.
+        #: Torques that do not act yet: pairs of the time from which they act and the torques.
         self._waiting = deque[tuple[float, Array]]()
+        #: Number of motors; None until the first call has shown it.
         self._motors = motors
         self.now = np.zeros(motors or 0)
 
     def next_change(self, times: Array) -> float:
-        """When the torques change or the function is called next, [s].
+        """When the function is called next, or the torques change, [s]; the earlier of both.
 
-        It is one of the output `times` if one is so near that only rounding can be between them,
-        because periods are much longer than the rounding of times (`require_distinct`). It is after
-        the last call of `go_on`, which has done all that is due within `_SAME` periods.
+        If an output time, one of `times`, differs from this time by rounding only, the output time
+        is returned, so that the simulation does not make a tiny step between them. The result is
+        later than the time of the last call of `go_on`, because `go_on` does all that is due within
+        `_SAME` periods, and the result is moved by less than that.
         """
         period = self._torque.period
-        due = self._start + self._next_period * period
+        change = self._start + self._next_period * period
         if self._waiting:
-            due = min(due, self._waiting[0][0])
-        nearest = float(times[np.abs(times - due).argmin()])
-        return nearest if abs(nearest - due) < _SAME / 2 * period else due
+            first_to_act, _ = self._waiting[0]
+            change = min(change, first_to_act)
+        nearest = float(times[np.abs(times - change).argmin()])
+        is_same = abs(nearest - change) < _SAME / 2 * period
+        return nearest if is_same else change
 
     def go_on(self, t: float, state: Callable[[], tuple[Array, Array]]) -> None:
-        """Call the function and change the torques if this is due; `state` computes q and va."""
+        """Go on to a time: call the function if a period has begun, and change the torques.
+
+        `state` computes q and va.
+        """
         period = self._torque.period
         present_period = floor((t - self._start) / period + _SAME)
         if present_period >= self._next_period:
             q, va = state()
             act_from = self._start + present_period * period + self._torque.delay
             self._waiting.append((act_from, self._call(t, q, va)))
-            self._next_period = present_period + 1  # a late loop skips periods
+            self._next_period = present_period + 1  # a control loop that is late skips periods
         while self._waiting and self._waiting[0][0] <= t + _SAME * period:
             _, self.now = self._waiting.popleft()
 
     def _call(self, t: float, q: Array, va: Array) -> Array:
-        """Torques of one call; the first call says how many motors there are."""
+        """Torques of one call, shape (motors,).
+
+        If the number of motors is not known, the first call shows it.
+        """
         name = "torque(t, q, va)"
-        # Any shape is finite here; the shape is checked below.
-        tau = finite_array(name, self._torque.function(t, q.copy(), va.copy()), ())
+        tau = finite_array(name, self._torque.function(t, q.copy(), va.copy()), ())  # any shape
         if self._motors is None:
             if tau.ndim != 1:
                 raise InputError(name, f"shape {tau.shape}, expected (motors,)")
