@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arguments of rollouts with a fixed step, smooth or nonsmooth: checks, loads, and errors."""
+"""Arguments of rollouts with a fixed step, smooth or nonsmooth: checks, loads, and errors.
+
+`rollout_arguments` checks what a user gives, and `RolloutArguments.samples` spreads it over all
+samples of the batch.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,9 @@ class RolloutArguments:
     """Checked arguments of rollouts; leading axes (...) are those of a batch.
 
     Attributes:
-        tau: Motor torques, shape (..., N or 2 N + 1, motors), also numbers that are not finite.
+        tau: Motor torques, shape (..., N, motors) if they are constant in each of the N steps, or
+            (..., 2 N + 1, motors) with torques at the starts, the middles and the ends of the
+            steps. They may contain numbers that are not finite.
         q0: Starts, shape (..., nq).
         va0: Rates of the coordinates at the starts, shape (..., n).
         dt: Step, [s].
@@ -52,37 +58,37 @@ class RolloutArguments:
     raises: bool
 
     def samples(self, motor_positions: Array | None = None) -> RolloutSamples:
-        """The arguments of all samples of the batch; `motor_positions` has the shape of tau."""
-        # Arrays by name, and how many axes each has behind those of the batch.
-        arrays: dict[str, Array | None] = {
-            "q0": self.q0,
-            "va0": self.va0,
-            "tau": self.tau,
-            "motor_positions": motor_positions,
-            "wrenches": self.wrenches,
-        }
-        axes = {"q0": 1, "va0": 1, "tau": 2, "motor_positions": 2, "wrenches": 2}
-        for frame, wrench in self.at_frames.items():
-            arrays[f"at {frame}"] = wrench
-            axes[f"at {frame}"] = 1
-        batch, rows = flattened(list(arrays.values()), list(axes.values()))
-        flat = dict(zip(arrays, rows, strict=True))
+        """The arguments broadcast to all samples of the batch, with the samples in one axis.
 
-        positions = flat["motor_positions"]
-        wrenches = flat["wrenches"]
+        `motor_positions` has the shape of tau, or is None.
+        """
+        arrays = [self.q0, self.va0, self.tau, motor_positions, self.wrenches]
+        core_axes = [1, 1, 2, 2, 2]  # behind the axes of the batch
+        arrays += self.at_frames.values()
+        core_axes += [1] * len(self.at_frames)
+        batch, flat = flattened(arrays, core_axes)
+        q0, va0, tau, positions, wrenches, *at_frames = flat
+
         # Kernels need aligned arrays ("A"); positions and wrenches also contiguous ones ("C").
         return RolloutSamples(
             batch=batch,
-            q0=np.require(flat["q0"], float, "A"),
-            va0=np.require(flat["va0"], float, "A"),
-            tau=np.require(flat["tau"], float, "A"),
+            q0=np.require(q0, float, "A"),
+            va0=np.require(va0, float, "A"),
+            tau=np.require(tau, float, "A"),
             motor_positions=None if positions is None else np.require(positions, float, "C"),
             wrenches=None if wrenches is None else np.require(wrenches, float, "C"),
-            at_frames={frame: np.asarray(flat[f"at {frame}"]) for frame in self.at_frames},
+            at_frames={
+                frame: np.asarray(wrench)
+                for frame, wrench in zip(self.at_frames, at_frames, strict=True)
+            },
         )
 
     def wrenches_at(self, engine: Engine, samples: RolloutSamples) -> WrenchesAt | None:
-        """All external wrenches at a configuration; None if they do not depend on it."""
+        """A function (i, q) of all external wrenches on the bodies of sample i, shape (r, 6).
+
+        It is None if the wrenches do not depend on q: only wrenches at frames do, because their
+        moments about the mass centres change with q.
+        """
         if not self.at_frames:
             return None
 
@@ -104,17 +110,22 @@ class RolloutArguments:
         *,
         at_start: bool,
     ) -> SSTError:
-        """The error of motions that ended early, by their indices in the batch.
+        """The error of motions that ended early. It names their indices in the batch.
 
         Args:
             batch: Shape of the batch.
-            stopped: Indices of the motions in the flat batch.
-            time: When the first one ended, [s].
+            stopped: Indices of these motions, with all samples of the batch counted in a row.
+            time: When the first of these motions ended, [s].
             cause: Why the first one ended.
-            at_start: Whether it could not start: then the arguments are at fault.
+            at_start: Whether the first one could not start. Then `cause` is the error, because
+                the arguments are at fault.
+
+        Raises:
+            InputError: If a torque is not finite.
         """
         error = cause
         if not at_start:
+            # A torque that is not finite ends a motion too. Then it is named as the cause.
             finite_array("tau", self.tau, self.tau.shape[-1:])
             error = SimulationError(
                 f"the motion reached a singularity, diverged, or opened the loops: {cause}",
@@ -126,16 +137,16 @@ class RolloutArguments:
 
 @dataclass(frozen=True, eq=False)
 class RolloutSamples:
-    """The arguments of all samples of a batch, M in a row.
+    """The arguments of all M samples of a batch, with the samples in the first axis.
 
     Attributes:
-        batch: Shape of the batch; M is its product.
+        batch: Shape of the batch; M is the product of its lengths.
         q0: Starts, shape (M, nq).
         va0: Rates of the coordinates at the starts, shape (M, n).
         tau: Motor torques, shape (M, N or 2 N + 1, motors).
         motor_positions: Positions that motors hold, shape (M, N, motors), or None.
         wrenches: Wrenches on the bodies, shape (M, r, 6), or None.
-        at_frames: Wrenches at frames, shapes (M, 6).
+        at_frames: Wrenches at frames, by name, shapes (M, 6).
     """
 
     batch: tuple[int, ...]
@@ -160,7 +171,7 @@ def rollout_arguments(
     threads: int,
     on_error: str,
 ) -> RolloutArguments:
-    """Check what the arguments of `ClosedChain.rollout` have in common, smooth or nonsmooth."""
+    """Check the arguments of `ClosedChain.rollout` that smooth and nonsmooth rollouts share."""
     require_policy(on_error)
     mechanism = engine.mechanism
     mechanism.require_freedom()
