@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Peak and RMS loads of joints and closures along a motion, to choose bearings."""
+"""Peak and RMS loads of joints and closures along a motion, to choose bearings.
+
+`loads` makes the table `Loads`, with two rows of type `Load` for each joint and closure.
+"""
 
 from __future__ import annotations
 
@@ -22,29 +25,33 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: Largest relative difference between a motion's accelerations and those that its torques cause.
+#: The accelerations of a motion and those that its torques cause may differ by this part of the
+#: largest one, plus as many rad/s^2 or m/s^2.
 _DIFFERENCE = 1e-6
-#: Components below this part of the largest are rounding.
+#: Components of wrenches below this part of the largest one are rounding. Peaks that differ by less
+#: than this part are equal.
 _ROUNDING = 1e-9
 
 
 class Load(NamedTuple):
     """Magnitude of the force or the moment of a joint or closure along a motion.
 
-    Where only some components are unique, as in the plane of a planar robot, it is theirs.
+    Sometimes only some components of the force or moment are known. For example, in a planar robot
+    only the force in the plane may be unique. The magnitude is that of the known components: they
+    are unique, or follow from given stiffnesses, at all samples.
 
     Attributes:
         name: Name of the joint or closure.
         kind: "force" [N] or "moment" [N m].
-        peak: Largest magnitude of the unique components; NaN if there are none.
+        peak: Largest magnitude of the known components; NaN if there are none.
         time: Time of the peak, [s]; NaN without a peak.
         x: First component of the direction at the peak, a unit vector in the axes of the wrench, or
-            in `axes`; NaN if it is not unique.
+            in `axes`; NaN if it is not known.
         y: Second component.
         z: Third component.
         rms: Root mean square of the magnitude over time, by the trapezoidal rule.
         determined: Whether all components are unique in the rigid robot at all samples.
-        components: Those that the row is about, "x", "y" and "z" in one word.
+        components: The known components: "x", "y" and "z" in one word, such as "xy".
     """
 
     name: str
@@ -130,26 +137,38 @@ def require_no_other_loads(engine: Engine, motion: Trajectory) -> None:
 
 
 def _without_noise(wrenches: Array, length: float) -> Array:
-    """Wrenches [force; moment] with zeros for what is rounding beside the largest force."""
-    sizes = np.repeat([1.0, length], 3)  # with the largest force, [N] and [N m]
-    largest = np.nanmax(np.abs(wrenches) / sizes, initial=0.0)
-    return np.where(np.abs(wrenches) < _ROUNDING * largest * sizes, 0.0, wrenches)
+    """Wrenches [force; moment], shape (..., 6), with zeros in place of rounding.
+
+    Moments are divided by a length of the robot, so that all components can be compared in [N].
+    """
+    units = np.repeat([1.0, length], 3)
+    largest = np.nanmax(np.abs(wrenches) / units, initial=0.0)
+    return np.where(np.abs(wrenches) < _ROUNDING * largest * units, 0.0, wrenches)
 
 
 def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determined: bool) -> Load:
-    """A row of the table, for vectors of shape (N, 3)."""
+    """A row of the table.
+
+    Args:
+        name: Name of the joint or closure.
+        kind: "force" or "moment".
+        vectors: The forces or moments, shape (N, 3); NaN where a component is not known.
+        t: Times, shape (N,), [s].
+        weights: Weights of the samples in the mean over time, shape (N,).
+        determined: The attribute of this name.
+    """
     is_known = np.asarray(np.isfinite(vectors).all(axis=0))
     peak = np.nan
     time = np.nan
     rms = np.nan
     direction = np.full(3, np.nan)
     if is_known.any():
-        sizes = np.linalg.norm(vectors[:, is_known], axis=1)
-        peak = float(sizes.max())
-        at = int(np.argmax(sizes >= (1 - _ROUNDING) * peak))  # first of equal peaks
-        time = float(t[at])
-        rms = float(np.sqrt(np.average(sizes**2, weights=weights)))
-        direction[is_known] = vectors[at, is_known] / (peak or 1.0)
+        magnitudes = np.linalg.norm(vectors[:, is_known], axis=1)
+        peak = float(magnitudes.max())
+        first_peak = int(np.argmax(magnitudes >= (1 - _ROUNDING) * peak))
+        time = float(t[first_peak])
+        rms = float(np.sqrt(np.average(magnitudes**2, weights=weights)))
+        direction[is_known] = vectors[first_peak, is_known] / (peak or 1.0)
     x, y, z = direction.tolist()
     return Load(
         name=name,
@@ -171,13 +190,15 @@ def loads(
     stiffness: Mapping[str, ArrayLike] | None,
     axes: ArrayLike | None,
 ) -> Loads:
-    """Loads along a motion under its torques and the weights."""
+    """Loads along a motion under its torques and the weights; see `ClosedChain.loads`."""
     require_no_other_loads(engine, motion)
     w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
+    # Of joints, then of closures, [force; moment]: wrenches, shape (N, joints + closures, 6), and
+    # which components the rigid robot determines at all samples, (joints + closures, 6).
     wrenches = _without_noise(
         np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
     )
-    unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
+    determined = np.all(np.concatenate(w.determined, axis=-2), axis=0)
     weights = np.ones(1)
     if len(motion) > 1:
         # The trapezoidal rule: half of the steps before and after each sample.
@@ -187,6 +208,6 @@ def loads(
     for k, name in enumerate(w.names):
         for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
             vectors = wrenches[:, k, part]
-            determined = bool(np.all(unique[k, part]))
-            rows.append(_load(name, kind, vectors, motion.t, weights, determined))
+            all_determined = bool(np.all(determined[k, part]))
+            rows.append(_load(name, kind, vectors, motion.t, weights, all_determined))
     return Loads(tuple(rows))
