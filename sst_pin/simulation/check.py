@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Finds where a motion leaves limits of joints, motors or lines, or nears a singularity."""
+"""Finds where a motion leaves limits of joints, motors or lines, or nears a singularity.
+
+`findings` judges configurations: limits of positions and lengths, and singularities.
+`findings_of_motion` judges rates and forces too.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,9 +19,9 @@ from .trajectories import Trajectory, require_motion
 
 #: A configuration with a larger condition number of the dependent joints is close to a singularity.
 LARGEST_CONDITION = 1e3
-#: URDF files write larger limits for none.
+#: A larger limit is no limit: URDF files write large numbers for joints without a limit.
 FAR = 1e9
-#: Rounding of a force that is exactly at its limit.
+#: A force or a rate may exceed its limit by this part of it, which is rounding.
 _ROUNDING = 1e-9
 
 
@@ -87,9 +91,9 @@ def outside(
     """A finding for each column of values that leaves its range, with the samples that do.
 
     Args:
-        what: What the ranges limit, for the text.
-        names: Names of the columns.
-        units: Their units; columns without a unit have no range.
+        what: What the ranges are called in the text, such as "limits" or "arc".
+        names: Names of the columns, such as joints.
+        units: Units of the columns; columns with the unit "" have no range.
         t: Times, shape (N,).
         values: Shape (N, columns).
         is_outside: Which values are out of their range, shape (N, columns).
@@ -121,7 +125,7 @@ def singular(
 
 
 def _lengths(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
-    """Lines that are shorter or longer than they can be."""
+    """Lines, such as cylinders, that are shorter or longer than they can be."""
     lines = engine.mechanism.lines.forces
     low = np.array([line.lower for line in lines])
     high = np.array([line.upper for line in lines])
@@ -146,9 +150,7 @@ def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     names = space.position_names
     yield from outside("limits", names, space.position_units, t, q, is_outside, (low, high))
     yield from _lengths(engine, t, q)
-    closed = engine.loops.are_closed(q)
-    condition = np.ones(len(q))  # open loops have no condition number
-    condition[closed] = engine.loops.condition_numbers(q[closed])
+    condition = _condition_numbers(engine, q)
     yield from singular(
         f"close to a singularity, condition number > {LARGEST_CONDITION:g}",
         mechanism.coordinate_names,
@@ -159,8 +161,16 @@ def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     )
 
 
+def _condition_numbers(engine: Engine, q: Array) -> Array:
+    """Condition numbers at configurations, shape (N,); 1 for open loops, which have none."""
+    is_closed = engine.loops.are_closed(q)
+    condition = np.ones(len(q))
+    condition[is_closed] = engine.loops.condition_numbers(q[is_closed])
+    return condition
+
+
 def _limits(numbers: Sequence[float] | Array) -> Array:
-    """Limits of efforts or velocities; zero, or beyond all machines, is none."""
+    """Limits of efforts or velocities, infinite where a file writes zero or more than `FAR`."""
     values = np.array(numbers, dtype=float)
     return np.where((values > 0) & (values < FAR), values, np.inf)
 
@@ -168,7 +178,10 @@ def _limits(numbers: Sequence[float] | Array) -> Array:
 def _beyond(
     what: str, names: Sequence[str], units: Sequence[str], t: Array, values: Array, limits: Array
 ) -> Iterator[Finding]:
-    """A finding for each value that is larger than its limit, whatever its sign."""
+    """A finding for each column in which a value, without its sign, is larger than the limit.
+
+    Shapes are those of `outside`; `limits` has shape (columns,).
+    """
     is_outside = np.abs(values) > limits * (1 + _ROUNDING)
     yield from outside(what, names, units, t, values, is_outside, (-limits, limits))
 
@@ -176,7 +189,7 @@ def _beyond(
 def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     """Rates of joints and lines, and forces of motors on them, beyond their limits.
 
-    Near a singularity rates are not judged: the singularity is a finding itself.
+    Rates near a singularity are not judged, because `findings` names the singularity.
     """
     mechanism = engine.mechanism
     model = mechanism.model
@@ -198,11 +211,11 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     line_limits = _limits([line.velocity for line in lines.forces])
     if not (np.isfinite(joint_limits).any() or np.isfinite(line_limits).any()):
         return
-    regular = engine.loops.are_closed(motion.q)
-    regular[regular] = engine.loops.condition_numbers(motion.q[regular]) <= LARGEST_CONDITION
-    t = motion.t[regular]
-    q = motion.q[regular]
-    v = engine.joint_rates(q, motion.va[regular])
+    condition = _condition_numbers(engine, motion.q)
+    is_regular = engine.loops.are_closed(motion.q) & (condition <= LARGEST_CONDITION)
+    t = motion.t[is_regular]
+    q = motion.q[is_regular]
+    v = engine.joint_rates(q, motion.va[is_regular])
     units = [f"{unit}/s" for unit in space.rate_units]
     yield from _beyond("velocities", joint_names, units, t, v, joint_limits)
     units = ["m/s" for _ in line_names]
