@@ -160,8 +160,9 @@ class StateEquations:
             tau, load = self._inputs(time, state)
             by_state, by_tau = self.space.derivatives(state, tau, load)
             steps = _DIFFERENCE * np.maximum(1, np.abs(state))
-            neighbours = state + np.diag(steps)
+            neighbours = state + np.diag(steps)  # row j is y with its entry j changed
             tau_ahead = [self.torque.at(time, partial(self.robot_state, y)) for y in neighbours]
+            # Row j is the derivative by entry j of y; transposed it has shape (motors, nq + n).
             tau_by_state = ((tau_ahead - tau) / steps[:, None]).T
             self._last_jacobian = by_state + by_tau.dot(tau_by_state)
         except InputError:
@@ -195,7 +196,8 @@ class StateEquations:
             return Samples(q, va, accelerations, tau)
         v_dot = []
         for q_k, rates, acceleration in zip(q, states[:, nq:], accelerations, strict=True):
-            v_dot.append(self.space.joint_motion(q_k, rates, acceleration)[1])
+            _, v_dot_k = self.space.joint_motion(q_k, rates, acceleration)
+            v_dot.append(v_dot_k)
         aa = np.array(v_dot)[:, self.robot_space.coordinates]
         return Samples(q, va, aa, tau)
 
