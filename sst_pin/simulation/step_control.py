@@ -141,20 +141,23 @@ class StepControl:
         self._first_length = length
 
     def shorten(self, fraction: float) -> None:
-        """Make the next step shorter than the one remembered, of which a fraction is regular."""
+        """Make the next step shorter than the remembered one.
+
+        It gets the length of the regular part, which is a `fraction` of the remembered step.
+        """
         self._first_length *= max(fraction, _SHORTER)
 
     def _longest(self, t: float) -> float:
         """The longest step from a time that misses no change of a torque or load.
 
-        A step may pass one of the times of an input, not two, and is not longer than the interval
-        in which it starts.
+        A step may pass one of the times of an input, not two. It is not longer than the interval
+        between two of these times in which it starts.
         """
         longest = min(self._settings.max_step or np.inf, self._watch.longest_step(t))
         for times in self._input_times:
-            # The next time after t has the index k >= 1, because times[0] <= t < times[-1].
-            k = min(int(times.searchsorted(t, "right")), len(times) - 1)
-            until_the_second_next = times[min(k + 1, len(times) - 1)] - t
+            last = len(times) - 1
+            k = min(int(times.searchsorted(t, "right")), last)  # times[k - 1] <= t < times[k]
+            until_the_second_next = times[min(k + 1, last)] - t
             longest = min(longest, times[k] - times[k - 1], until_the_second_next)
         return float(longest)
 
