@@ -47,10 +47,12 @@ def rollout(engine: Engine, arguments: RolloutArguments, sign_width: float) -> R
     """The states that `ClosedChain.rollout` returns, for the same arguments."""
     positive_number("sign_width", sign_width, or_zero=True)
     mechanism = engine.mechanism
-    torques = arguments.tau.shape[-2]
-    steps = torques if arguments.steps is None else arguments.steps
-    if torques not in (steps, 2 * steps + 1):
-        raise InputError("tau", f"{torques} torques for {steps} steps: N or 2 N + 1 are needed")
+    # Torques for each step, or at the starts, middles and ends of the steps.
+    torque_count = arguments.tau.shape[-2]
+    steps = torque_count if arguments.steps is None else arguments.steps
+    if torque_count not in (steps, 2 * steps + 1):
+        problem = f"{torque_count} torques for {steps} steps: N or 2 N + 1 are needed"
+        raise InputError("tau", problem)
     samples = arguments.samples()
     count = math.prod(samples.batch)
     load = None
