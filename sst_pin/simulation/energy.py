@@ -68,8 +68,9 @@ def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     on_joints = (mechanism.friction.forces(v) * v).sum(axis=-1)
     rates = engine.line_rates(q, v)
     lengths = engine.line_lengths(q)
-    # What a tension is more than that of the springs alone, which the potential energy contains: a
-    # damper can make a cable slack whose spring pulls, or taut although its spring does not pull.
+    # The potential energy contains the work of the springs of lines. Friction is the rest of the
+    # tension. The rest is not the damper's force alone: a damper can make a cable slack whose
+    # spring pulls, or taut although its spring does not pull.
     tensions = lines.tensions(lengths, rates, mechanism.friction.sign_width)
     of_springs = lines.tensions(lengths, np.zeros_like(rates), 0.0)
     on_lines = -((tensions - of_springs) * rates).sum(axis=-1)

@@ -84,7 +84,7 @@ def frame_motion(
 
 
 class _Targets(NamedTuple):
-    """Poses of a frame in N samples; None for what is free.
+    """Poses of a frame in N samples. A position or an orientation that is free is None.
 
     Attributes:
         p: Positions, shape (N, 3), or None.
@@ -95,7 +95,7 @@ class _Targets(NamedTuple):
     R: Array | None
 
     def pose(self, i: int) -> pin.SE3:
-        """The pose of sample i; what is free is zero."""
+        """The pose of sample i; a free position is zero, a free orientation the identity."""
         p = None if self.p is None else self.p[i]
         R = None if self.R is None else self.R[i]
         return pose_of(p, R)

@@ -23,10 +23,13 @@ _SHORTEST = 1e-4
 class InputWatch:
     """Evaluates torque and load functions within each step of an integrator.
 
-    An integrator evaluates these functions at few times, the stages of a step. A push between them
-    would be missed. A step misses a change if, at a sample, a function leaves the range of its
-    values in the stages by more than half of this range, and if this would change the rates by more
-    than the tolerances of the integrator.
+    An integrator evaluates these functions at few times, the stages of a step. A push between the
+    stages would be missed. So the functions are also evaluated at samples, `_SAMPLES` between two
+    output times. A step misses a change if two things are true at a sample within it:
+
+    - a function leaves the range of its values in the stages by more than half of this range;
+    - with the value in this range instead, the rates at the end of the step would be others, by
+      more than the tolerances of the integrator.
 
     Attributes:
         missed_at: The first time at which no step was short enough, [s]; NaN if there is none.
@@ -38,8 +41,8 @@ class InputWatch:
         self._active = any(x.is_function for x in inputs if x is not None)
         spacings = np.diff(times)[:, None] / _SAMPLES
         # Samples are not at the output times, where many pushes begin and end.
-        inner = times[:-1, None] + spacings * (np.arange(_SAMPLES) + 0.5)
-        self._times = inner.ravel()
+        samples = times[:-1, None] + spacings * (np.arange(_SAMPLES) + 0.5)
+        self._times = samples.ravel()
         self._shortest = _SHORTEST * float(spacings.min())
         #: Steps that start before `_short_until` are at most as long as `_short`, [s].
         self._short_until = -np.inf
@@ -82,7 +85,7 @@ class InputWatch:
         The first time is the start of the step; it counts as a stage.
         """
         equations = step.equations
-        states = step.dense_output(times).T
+        states = step.dense_output(times).T  # shape (times, nq + n)
         tau, load = equations.inputs_along(times, states)
         expected_tau = _within(tau, [stage_tau for stage_tau, _ in step.stages])
         differs = (tau != expected_tau).any(axis=1)
