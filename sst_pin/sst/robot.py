@@ -34,21 +34,22 @@ from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
 from .topology import CUTS, differences, geometry_of, parameters_of
 
-#: Two frames in any order, and the six constraints of a weld.
+#: The closures of an SST. A weld is a pair (two frames in any order, the six fixed directions).
 _WELDS = {(frozenset(pair), Closure.KINDS["6d"]) for pair in CUTS}
 
 
 class Singularities(NamedTuple):
     """Distance of a configuration from the singularities of both kinds.
 
-    With A omega = B gamma_dot, rows of A the axes y_2k of {2k} and B = diag(sin(mu_k)).
+    The angular velocity omega of the star and the rates gamma_dot of the motors satisfy
+    A omega = B gamma_dot. The rows of A are the y axes of {2k}, and B = diag(sin(mu_k)).
 
     Attributes:
-        first_kind: min |sin(mu_k)|, shape (...): at 0 a leg is in the plane of its arc and the
-            star loses a degree of freedom (inverse kinematics).
-        second_kind: Smallest singular value of A, shape (...): at 0 the star can move while the
-            motors are fixed (direct kinematics).
-        condition_number: Condition number of A, shape (...): 1 at an isotropic pose.
+        first_kind: min |sin(mu_k)|, shape (...). At 0 a leg is in the plane of its arc, B is
+            singular, and the star loses a degree of freedom.
+        second_kind: Smallest singular value of A, shape (...). At 0 the star can move while the
+            motors are fixed.
+        condition_number: Condition number of A, shape (...); 1 at an isotropic pose.
     """
 
     first_kind: Array
@@ -99,9 +100,10 @@ class SST(ClosedChain):
     """A 3-RRP spherical parallel manipulator.
 
     Joint vectors q, shape (..., 9), [rad], are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are
-    gamma_1..3. Orientations R of the star are those of {E} in the base, shape (..., 3, 3). A `near`
-    or `branch` selects one of several solutions. If the description names no configuration home,
-    `home` has s in the middle of the base triangle and R_1 in the middle of P1P2.
+    gamma_1..3. Orientations R of the star are those of {E} in the base, shape (..., 3, 3). The
+    arguments `near` and `branch` select one of several solutions. If the description names no
+    configuration home, `home` has s, the x axis of {E}, in the middle of the base triangle, and the
+    passive axis of leg 1 in the middle of the side P_1 P_2.
 
     Args:
         parameters: Geometry, masses, friction, gravity; by default of the paper's robot.
@@ -226,7 +228,7 @@ class SST(ClosedChain):
         position = poses[..., :3, 3]
         radius = self.star_radius
         s = R[..., 0]
-        gap = np.linalg.norm(position - radius * s, axis=-1)  # E is at `radius` along s
+        gap = np.linalg.norm(position - radius * s, axis=-1)  # E is at radius * s
         is_elsewhere = gap > CLOSURE_TOLERANCE * radius
         if is_elsewhere.any():
             problem = f"with this orientation E is {gap.max():.3g} m away from this position"
@@ -282,9 +284,10 @@ class SST(ClosedChain):
         R = direct_kinematics.orientations(u, geometry.arc_normals)
         solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:
-            # In the order of the first two columns of R, rounded: the same on each machine.
-            columns = np.round(R[:, :, :2].reshape(-1, 6), 9)
-            return solutions[np.lexsort(columns.T)]
+            # Sorted by the entries of the first two columns of R, which determine R. They are
+            # rounded, so that the order is the same on each machine.
+            entries = np.round(R[:, :, :2].reshape(-1, 6), 9)
+            return solutions[np.lexsort(entries.T)]
         if not len(solutions):
             raise WorkspaceError(f"no assembly exists at gamma = {gamma.tolist()} rad")
         before = single_array("near", near, (9,))
@@ -347,7 +350,7 @@ class SST(ClosedChain):
         super()._fill(model, recipe)
 
     def _solutions(self, positions: Mapping[str, float]) -> Array | None:
-        """All assembly modes with these positions; None if they are not those of the motors."""
+        """All assembly modes with these positions; None if they are not those of all motors."""
         if set(positions) != set(MOTOR_NAMES):
             return None
         return self.forward_kinematics([positions[name] for name in MOTOR_NAMES])
