@@ -15,8 +15,8 @@ from ..model.joint_space import without_sign_changes
 from ..simulation.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
 
-#: Neighbours on a path are farther apart, and less near to half a turn, [rad]: else the axis of the
-#: turn from one to the next has few correct digits.
+#: Neighbours on a path differ by more than this angle, and by less than half a turn minus this
+#: angle, [rad]. Otherwise the axis of the turn from one to the next is inexact.
 _LEAST_STEP = 1e-6
 
 
@@ -80,8 +80,10 @@ def orientation_motion(
     except ValueError:
         shapes = ", ".join(str(angle.shape) for angle in angles[::3])
         raise InputError("theta, phi, psi", f"shapes {shapes} do not broadcast") from None
-    # Each angle with its first and second derivative.
-    theta_0, theta_1, theta_2, phi_0, phi_1, phi_2, psi_0, psi_1, psi_2 = values
+    # Each angle with its first and second derivative by time.
+    theta_0, theta_1, theta_2 = values[0:3]
+    phi_0, phi_1, phi_2 = values[3:6]
+    psi_0, psi_1, psi_2 = values[6:9]
     zero = np.zeros_like(theta_0)
     one = np.ones_like(theta_0)
     sin_theta = np.sin(theta_0)
@@ -90,7 +92,8 @@ def orientation_motion(
     cos_phi = np.cos(phi_0)
 
     # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2. The
-    # angles turn about z, about the horizontal axis -n, and about s.
+    # angles turn about z, about the horizontal axis -n, and about s. The columns of R are s, y and
+    # n, with y and n turned by psi about s.
     z = np.stack([zero, zero, one], -1)
     n = np.stack([sin_theta, -cos_theta, zero], -1)
     s = np.stack([sin_phi * cos_theta, sin_phi * sin_theta, cos_phi], -1)
@@ -99,11 +102,13 @@ def orientation_motion(
     sin_psi = np.sin(psi_0)[..., None]
     R = np.stack([s, cos_psi * y + sin_psi * n, cos_psi * n - sin_psi * y], -1)
 
-    # Angular velocities about the three axes. Each axis turns with those before it.
+    # The angular velocity is the sum of the rotations about the three axes.
     about_z = theta_1[..., None] * z
     about_n = -phi_1[..., None] * n
     about_s = psi_1[..., None] * s
     omega = about_z + about_n + about_s
+    # Its derivative: n turns with about_z, so n_dot = about_z x n, and s turns with about_z and
+    # about_n.
     alpha = theta_2[..., None] * z - phi_2[..., None] * n + psi_2[..., None] * s
     alpha = alpha + np.cross(about_z, about_n) + np.cross(about_z + about_n, about_s)
     return PlatformMotion(R, omega, alpha)
@@ -121,7 +126,7 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
         array([0.6814, 0.6814, 0.2674])
     """
     time = finite_array("t", t, ())
-    # s = (a cos 12t + b sin 12t + c) / 71 and its first two derivatives
+    # s = (a cos 12t + b sin 12t + c) / 71, and its first and second derivative s_1 and s_2.
     a = np.array((4, 4, -8)) * np.sqrt(6)
     b = np.array((-12, 12, 0)) * np.sqrt(2)
     c = np.sqrt(13395) / 3 * np.ones(3)
@@ -132,13 +137,16 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
     s_1 = rate * (b * cos - a * sin) / 71
     s_2 = -(rate**2) * (a * cos + b * sin) / 71
 
-    # Longitude and colatitude of s with their derivatives.
+    # The longitude theta of s = (x, y, z), with tan(theta) = y / x. Its rate is
+    # (x y_1 - y x_1) / h with h = x^2 + y^2, whose rate is 2 (x x_1 + y y_1).
     x, y, z = np.moveaxis(s, -1, 0)
     x_1, y_1, z_1 = np.moveaxis(s_1, -1, 0)
     x_2, y_2, z_2 = np.moveaxis(s_2, -1, 0)
     h = x * x + y * y
     theta_1 = (x * y_1 - y * x_1) / h
     theta_2 = (x * y_2 - y * x_2) / h - 2 * theta_1 * (x * x_1 + y * y_1) / h
+    # The colatitude phi, with z = cos(phi): z_1 = -sin(phi) phi_1, and
+    # z_2 = -sin(phi) phi_2 - cos(phi) phi_1^2.
     sin_phi = np.sqrt(1 - z * z)
     phi_1 = -z_1 / sin_phi
     phi_2 = -z_2 / sin_phi - z * phi_1**2 / sin_phi
@@ -188,11 +196,14 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     curve = spline(times, without_sign_changes(samples.as_quat()))
     p = curve(t_out)
     inverse = p * (-1, -1, -1, 1) / (p * p).sum(axis=-1, keepdims=True)
-    # The vector of p_dot / p is omega / 2; its scalar, the rate of ln |p|, does not turn the star.
+    # The quaternion p_dot p^-1 has the vector w = omega / 2. Its scalar a is the rate of ln |p|,
+    # which does not turn the star.
     first = _times(curve.derivative(1)(t_out), inverse)
-    second = _times(curve.derivative(2)(t_out), inverse)
     omega = 2 * first[..., :3]
-    alpha = 2 * second[..., :3] - 2 * first[..., 3:] * omega
+    a = first[..., 3:]
+    # p_ddot p^-1 = d/dt(p_dot p^-1) + (p_dot p^-1)^2 has the vector w_dot + 2 a w.
+    second = _times(curve.derivative(2)(t_out), inverse)
+    alpha = 2 * second[..., :3] - 2 * a * omega
     return PlatformMotion(Rotation.from_quat(p).as_matrix(), omega, alpha)
 
 
@@ -224,17 +235,18 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     for i, step in enumerate(steps):
         if not _LEAST_STEP < step < np.pi - _LEAST_STEP:
             raise InputError("R", f"{np.degrees(step):.6g} degrees between samples {i} and {i + 1}")
-    s = np.append(0, np.cumsum(steps))
+    # The parameter of the path is the angle turned since the first sample.
+    angle = np.append(0, np.cumsum(steps))
     path = empty((samples, 3, 3))
-    path[:] = RotationSpline(s, rotations)(np.linspace(0, s[-1], samples)).as_matrix()
+    path[:] = RotationSpline(angle, rotations)(np.linspace(0, angle[-1], samples)).as_matrix()
     return path
 
 
 def _times(p: Array, q: Array) -> Array:
     """Product of quaternions (x, y, z, w), shapes (..., 4)."""
-    u = p[..., :3]
+    u = p[..., :3]  # the vector of p
+    a = p[..., 3:]  # its scalar
     v = q[..., :3]
-    a = p[..., 3:]
     b = q[..., 3:]
     scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
     return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)
