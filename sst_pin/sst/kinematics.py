@@ -29,7 +29,8 @@ _ROUNDED_ROTATION = 1e-8
 class Geometry(NamedTuple):
     """Geometry of an SST: orientations of the frames fixed to its base and to its star.
 
-    Both have an orientation for each leg k; its columns are the axes of the first frame.
+    Both arrays have an orientation for each leg k. "A in B" has the axes of A in the axes of B as
+    columns.
     """
 
     #: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
@@ -72,8 +73,11 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs:
-    """Axes of the legs that carry the star at R, shape (..., 3, 3), with signs of sin(mu_k)."""
-    # The passive axis is normal to e_k and to the arc's normal, which the star carries.
+    """Axes of the legs that carry the star at R, shape (..., 3, 3).
+
+    `branch` has the signs of sin(mu_k), shape (..., 3).
+    """
+    # The passive axis is normal to e_k and to the arc's normal n_k, which the star carries.
     u = np.cross(geometry.e, geometry.arc_normals @ R.mT)
     length = np.linalg.norm(u, axis=-1)
     is_flat = length < _FLAT
@@ -85,7 +89,7 @@ def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs
         error = SingularConfigurationError(problem, 1 / max(float(length.min()), 1e-300))
         raise of_samples(error, is_flat.any(axis=-1))
     signs = np.asarray(branch, dtype=float)
-    return _legs(geometry, u * (signs / length)[..., None], R)
+    return _legs_of_passive_axes(geometry, u * (signs / length)[..., None], R)
 
 
 def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
@@ -117,8 +121,8 @@ def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
     )
 
 
-def _legs(geometry: Geometry, u: Array, R: Array) -> Legs:
-    """Axes of the legs that carry the star at R, with passive axes u."""
+def _legs_of_passive_axes(geometry: Geometry, u: Array, R: Array) -> Legs:
+    """Axes of the legs that carry the star at R, with passive axes u, shape (..., 3, 3)."""
     R_3 = R[..., None, :, :] @ geometry.R_E.mT  # {3k} in the base
     s = R_3[..., 0]
     n = R_3[..., 2]
@@ -154,7 +158,7 @@ def passive_axes(geometry: Geometry, gamma: Array) -> Array:
 def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
     """q, shape (..., 9), for motor angles and orientations that fit them, in any branch."""
     u = np.broadcast_to(passive_axes(geometry, gamma), R.shape)
-    q = joints_of_legs(geometry, _legs(geometry, u, R))
+    q = joints_of_legs(geometry, _legs_of_passive_axes(geometry, u, R))
     q[..., ::3] = gamma
     return q
 
@@ -189,36 +193,45 @@ def home_configuration(geometry: Geometry) -> Array:
 
 
 def _orientation(geometry: Geometry, s: Array, n: Array) -> Array:
-    """{E} in the base by the x and z axes of {3, 1}."""
+    """{E} in the base by the axes s and n of leg 1, the x and z axes of its frame {3k}."""
     return np.stack([s, np.cross(n, s), n], axis=-1) @ geometry.R_E[0]
 
 
 def joint_rates(legs: Legs, omega: Array) -> Array:
-    """Rates of all joints from the star's angular velocity in base axes, shape (..., 9).
+    """Rates of all joints, shape (..., 9), from the star's angular velocity in base axes, (..., 3).
 
-    In the axes of {2k}, omega = (mu_dot, gamma_dot sin(mu), gamma_dot cos(mu) + beta_dot), where
-    sin(mu) must not be zero. omega may differ between the legs, shape (..., 3, 3).
+    sin(mu_k) must not be zero.
     """
-    w = omega[..., None, :] if omega.ndim < legs.u.ndim else omega
-    gamma_dot = _dot(w, legs.y_2) / legs.sin_mu
-    mu_dot = _dot(w, legs.u)
-    beta_dot = _dot(w, legs.n) - gamma_dot * legs.cos_mu
-    return np.stack([gamma_dot, mu_dot, beta_dot], axis=-1).reshape(*gamma_dot.shape[:-1], 9)
+    return _along_joint_axes(legs, omega[..., None, :])
 
 
 def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Array) -> Array:
-    """Accelerations of all joints, shape (..., 9), from the star's, alpha in base axes."""
-    rates = q_dot.reshape(*q_dot.shape[:-1], 3, 3)
+    """Accelerations of all joints, shape (..., 9), from the star's angular acceleration alpha.
+
+    alpha is in base axes, shape (..., 3); q_dot are the rates of all joints, shape (..., 9).
+    """
+    rates = q_dot.reshape(*q_dot.shape[:-1], 3, 3)  # leg, joint
     gamma_dot = rates[..., 0, None]
     mu_dot = rates[..., 1, None]
     beta_dot = rates[..., 2, None]
-    # alpha = gamma_ddot e_k + mu_ddot u + beta_ddot n + mu_dot u_dot + beta_dot n_dot. The axes u
-    # and n turn with the links that carry them.
+    # omega = gamma_dot e_k + mu_dot u + beta_dot n. The axes u and n turn with the links that carry
+    # them, so alpha = gamma_ddot e_k + mu_ddot u + beta_ddot n + mu_dot u_dot + beta_dot n_dot.
     u_dot = gamma_dot * legs.y_1
     n_dot = np.cross(gamma_dot * geometry.e + mu_dot * legs.u, legs.n)
     without_accelerations = mu_dot * u_dot + beta_dot * n_dot
-    # The joints' accelerations are to the remaining alpha as their rates are to omega.
-    return joint_rates(legs, alpha[..., None, :] - without_accelerations)
+    return _along_joint_axes(legs, alpha[..., None, :] - without_accelerations)
+
+
+def _along_joint_axes(legs: Legs, vectors: Array) -> Array:
+    """Factors a, b, c with vector = a e_k + b u + c n for each leg, shape (..., 9).
+
+    The vectors are in base axes, shape (..., 3, 3) with one for each leg, or (..., 1, 3) with one
+    for all. In the axes of {2k} such a vector is (b, a sin(mu_k), a cos(mu_k) + c).
+    """
+    a = _dot(vectors, legs.y_2) / legs.sin_mu
+    b = _dot(vectors, legs.u)
+    c = _dot(vectors, legs.n) - a * legs.cos_mu
+    return np.stack([a, b, c], axis=-1).reshape(*a.shape[:-1], 9)
 
 
 def require_rotation(R: Array, name: str = "R") -> None:
