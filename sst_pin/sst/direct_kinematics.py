@@ -18,9 +18,10 @@ Polynomial Algebra, SIAM 2004):
    is the smallest degree for which this holds.
 2. Let the columns of N span the null space, so that each solution has z = N c with eight numbers c.
    Take two linear forms a . p and b . p with generic a, b. The 20 monomials of degree three times
-   a . p are sums of entries of z, thus S_a c; times b . p they are S_b c. At a solution both are
-   proportional, with the ratio r = (a . p) / (b . p): S_a c = r S_b c. So each c is an eigenvector
-   of the 8 x 8 matrix pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique.
+   a . p are sums of entries of z = N c. So they are S_a c, with a matrix S_a of shape (20, 8). The
+   same monomials times b . p are S_b c. At a solution both products differ only by the ratio
+   r = (a . p) / (b . p): S_a c = r S_b c. So each c is an eigenvector of the 8 x 8 matrix
+   pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique.
 3. From an eigenvector follows z = N c. The products of one monomial of degree three with x, y, z, w
    are entries of z and proportional to p. Newton's method removes the rounding of the eigenvectors.
 """
@@ -65,7 +66,8 @@ _QUADRATIC_TIMES_QUADRATIC = _products(_DEGREE_2, _DEGREE_2)
 #: Two generic linear forms a . p and b . p; the same at every call, so results repeat to the bit.
 _FORM_A, _FORM_B = np.random.default_rng(1).normal(size=(2, 4))
 #: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
-#: exact to the square root of rounding only, so this is loose; Newton's method decides.
+#: exact to the square root of rounding only, so this threshold is large. Whether such a solution is
+#: real, Newton's method decides.
 _IMAGINARY = 1e-4
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
@@ -74,17 +76,20 @@ _APART = 1e-6
 def orientations(u: Array, m: Array) -> Array:
     """All rotations R with u_k . R m_k = 0 for k = 1, 2, 3, shape (n, 3, 3), n <= 8, in any order.
 
-    The rows of u are unit vectors in the base, the rows of m unit vectors in {E}. Raises a
-    SingularConfigurationError if the star can move while the motors are fixed.
+    The rows of u are unit vectors in the base, the rows of m unit vectors in {E}.
+
+    Raises:
+        SingularConfigurationError: If the star can move while the motors are fixed.
     """
     from scipy.spatial.transform import Rotation
 
     A = _quadrics(u, m)
     solutions: list[Array] = []
     for candidate in _intersections(A):
-        # A solution is known up to a complex factor. With the phase at which the largest component
-        # is real, a real solution is real as a whole.
-        p = candidate * np.exp(-1j * np.angle(candidate[np.argmax(np.abs(candidate))]))
+        # A solution is known up to a complex factor. It is turned in the complex plane until its
+        # largest component is real. Then all components of a real solution are real.
+        largest = candidate[np.argmax(np.abs(candidate))]
+        p = candidate * np.exp(-1j * np.angle(largest))
         if np.abs(p.imag).max() > _IMAGINARY:
             continue
         polished = _polish(A, p.real)
@@ -148,17 +153,17 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
 
     # 2. Multiplication by (a . p) / (b . p) in the null space, and its eigenvectors.
     products = N[_CUBIC_TIMES_P]  # (cubic monomial, component of p, column of N)
-    S_a = np.einsum("mjs,j->ms", products, _FORM_A)
+    S_a = np.einsum("mjs,j->ms", products, _FORM_A)  # sums over the components of p
     S_b = np.einsum("mjs,j->ms", products, _FORM_B)
-    multiplication = np.linalg.lstsq(S_b, S_a, rcond=None)[0]
+    multiplication = np.linalg.lstsq(S_b, S_a, rcond=None)[0]  # pinv(S_b) S_a
     _, eigenvectors = np.linalg.eig(multiplication)
-    monomials = N @ eigenvectors  # of degree four, a column for each solution
+    monomials = N @ eigenvectors  # z at each solution, shape (35, 8)
 
-    # 3. The products of a cubic monomial with x, y, z, w are proportional to p. The largest
-    # products have the least relative rounding.
+    # 3. The products of a cubic monomial with x, y, z, w are proportional to p. For each solution
+    # the monomial with the largest products is taken, which have the least relative rounding.
     at_solutions = monomials[_CUBIC_TIMES_P]  # (cubic monomial, component of p, solution)
-    best = np.abs(at_solutions).sum(axis=1).argmax(axis=0)
-    p = at_solutions[best, :, np.arange(_N_SOLUTIONS)]
+    best = np.abs(at_solutions).sum(axis=1).argmax(axis=0)  # a cubic monomial for each solution
+    p = at_solutions[best, :, np.arange(_N_SOLUTIONS)]  # (solution, component of p)
     return np.asarray(p / np.linalg.norm(p, axis=1)[:, None])
 
 
@@ -168,7 +173,7 @@ _STEPS = 30
 
 
 def _polish(A: Array, p: Array) -> Array | None:
-    """Newton's method on the quadrics and |p| = 1; None where there is no real solution."""
+    """Newton's method on the three quadrics and |p| = 1; None if it finds no real solution."""
     for _ in range(_STEPS):
         residual = np.append(p @ A @ p, p @ p - 1)
         if np.abs(residual).max() < _POLISHED / 10:
