@@ -27,7 +27,12 @@ _EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
-    """The geometry of an SST from its tree; the error lists all differences from such a tree."""
+    """The geometry of an SST from its tree.
+
+    Raises:
+        DescriptionError: If the tree is not that of an SST; the error lists all differences, and
+            names the `source` of the model.
+    """
     problems = _joint_problems(model)
     if not problems:  # axes and frames can be checked only if the joints are right
         problems = [*_axis_problems(model), *_cut_problems(model)]
@@ -88,7 +93,10 @@ def _cut_problems(model: pin.Model) -> Iterator[str]:
 
 
 def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:
-    """The parameters of a tree; see `differences` for what they do not describe."""
+    """The parameters of the tree of an SST.
+
+    Parameters do not describe all that a tree can have; `differences` finds the rest.
+    """
     frames = [name for name in _POINTS if not model.existFrame(name)]
     problems = [f"frame {name} is missing; its distance from O gives a radius" for name in frames]
     if problems:
@@ -99,8 +107,12 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
         pin.SE3(R_E.T, np.zeros(3)).act(model.inertias[model.getJointId(f"beta_{k}")])
         for k, R_E in enumerate(geometry.R_E, start=1)
     ]
-    # Eqs. (30), (31), (35): {E} in {3k} is Rot(x, -(alpha_2 + ... + alpha_k)).
-    turns = np.arctan2(geometry.R_E[1:, 1, 2], geometry.R_E[1:, 1, 1]) % (2 * np.pi)
+    # Eqs. (30), (31), (35): {E} in {3k} is Rot(x, -turn) with turn = alpha_2 for leg 2 and
+    # turn = alpha_2 + alpha_3 for leg 3. Rows y and z of its columns y and z are
+    # [[cos(turn), sin(turn)], [-sin(turn), cos(turn)]].
+    sines = geometry.R_E[1:, 1, 2]
+    cosines = geometry.R_E[1:, 1, 1]
+    turns = np.arctan2(sines, cosines) % (2 * np.pi)
     alpha_2 = turns[0]
     alpha_3 = (turns[1] - turns[0]) % (2 * np.pi)
     return Parameters(
