@@ -50,10 +50,12 @@ def findings(
     names = tuple(model.names)[1:]
     low, high = arc_ends(geometry)
     units = ["deg"] * len(names)
+    # A whole turn leads to the same place: angles are compared within half a turn of the middle of
+    # the arc, which begins at 0.
     middle = np.where(np.isfinite(low), high / 2, 0)
-    turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
-    beyond = np.maximum(low - turned, turned - high) > _END
-    yield from outside("arc", names, units, t, turned, beyond, (low, high))
+    turned = middle + in_one_turn(q - middle)
+    is_outside = np.maximum(low - turned, turned - high) > _END
+    yield from outside("arc", names, units, t, turned, is_outside, (low, high))
 
     # Limits of joints in the URDF.
     low = model.lowerPositionLimit
