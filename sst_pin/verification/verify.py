@@ -17,11 +17,11 @@ from ..progress import counted
 from .lagrange import LagrangeMultipliers
 from .mujoco_tree import MujocoInverse
 
-#: Least tolerance for the same equations: rounding is far below it, slips in equations far above.
+#: Smallest limit of a relative error: rounding is far below it, errors of equations are far above.
 SAME_EQUATIONS = 1e-9
 #: Rounding in the sums and products of one computation, relative to its terms.
 _ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
-#: With a larger tolerance a comparison shows nothing.
+#: A comparison with a larger limit shows nothing.
 _UNCLEAR = 1e-4
 #: What is compared.
 _TORQUES = "torques"
@@ -51,17 +51,20 @@ REFEREES: tuple[Callable[[ClosedChain], Referee], ...] = (LagrangeMultipliers, M
 
 
 class Comparison(NamedTuple):
-    """One line of the table: the errors of one result against one referee."""
+    """One line of the table: one quantity compared with one referee, in all states.
+
+    A case is the quantity in one state.
+    """
 
     referee: str
-    compared: str
-    cases: int  #: Cases in which the referee has an answer.
-    unclear: int  #: Cases in which it has none, or rounding is too large for a comparison.
-    absolute: float  #: Worst difference, [N m], [N], [rad/s^2] or [m/s^2].
-    relative: float  #: Difference relative to the terms, in the case nearest to its limit.
-    limit: float  #: Of `relative` in this case.
-    seconds: float  #: Time of the referee.
-    passed: bool  #: Whether no case disagrees.
+    compared: str  #: The quantity.
+    cases: int  #: Cases that are compared.
+    unclear: int  #: Cases without an answer of the referee, or with a limit above `_UNCLEAR`.
+    absolute: float  #: Largest difference of all cases, [N m], [N], [rad/s^2] or [m/s^2].
+    relative: float  #: Relative error in the case that comes nearest to its limit; see `Expected`.
+    limit: float  #: Limit of the relative error in this case.
+    seconds: float  #: Time that the referee has taken.
+    passed: bool  #: Whether no relative error is above its limit.
 
     @property
     def verdict(self) -> str:
@@ -74,21 +77,21 @@ class Comparison(NamedTuple):
 class Expected(NamedTuple):
     """Our result for one quantity in one state.
 
-    A result is a sum of forces of all joints. These may cancel, so an error is relative to the sum
-    of their sizes.
+    A result is a sum of forces of all joints. They may cancel, so the relative error is the
+    difference divided by the sum of their sizes.
     """
 
     value: Array
-    size: float  #: Size of the terms whose sum is the result.
-    limit: float  #: Largest error, relative to the size.
+    size: float  #: Sum of the sizes of the terms of the result.
+    limit: float  #: Limit of the relative error.
 
 
 class _Difference(NamedTuple):
     """The difference between a referee's result and ours in one case."""
 
-    absolute: float
-    relative: float  #: Relative to the size of the terms.
-    limit: float  #: Of `relative`.
+    absolute: float  #: Largest difference of an entry.
+    relative: float  #: The relative error; see `Expected`.
+    limit: float  #: Limit of the relative error.
 
 
 class Differences:
@@ -116,7 +119,8 @@ class Differences:
             self._unclear += 1
 
     def comparison(self) -> Comparison:
-        """The line of the table; its case is the one that comes nearest to its limit."""
+        """The line of the table."""
+        # The case that comes nearest to its limit.
         worst = max(
             self._differences,
             key=lambda case: case.relative / case.limit,
@@ -150,36 +154,42 @@ def referees_of(chain: ClosedChain) -> tuple[list[Referee], list[SSTError]]:
 def _expected(
     chain: ClosedChain, q: Array, va: Array, aa: Array, tau: Array
 ) -> dict[str, Expected]:
-    """Our results in a state, by their names; `tau` are the motor torques of accelerations."""
+    """Our results in a state, by quantity.
+
+    The accelerations are those under the motor torques `tau`. If torques are compared, `tau` are
+    the torques of the motion q, va, aa.
+    """
     f = chain.generalized_forces(q, va, aa)
     sizes = np.maximum(_sizes_of_forces(chain, q, va, aa), np.abs(f))
     # Two systems of equations are solved one after the other: for the rates that close the loops,
-    # and for their derivatives. Each loses the digits of the condition number.
+    # and for their derivatives. Each increases rounding by the condition number.
     limit = max(SAME_EQUATIONS, _ROUNDING * float(chain.condition_number(q)) ** 2)
 
-    # f = J^T tau, M aa = f - (terms without accelerations).
+    # The torques are pinv(J^T) f, and the sizes of their terms |pinv(J^T)| sizes.
     J = chain.actuator_jacobian(q)
+    sizes_of_torques = np.abs(np.linalg.pinv(J.T)) @ sizes
+
+    # The accelerations are the inverse of M times forces: those of the motors, J^T tau, and f
+    # without M aa. The system with M increases rounding by the condition number of M.
     M = chain.reduced_terms(q, va).inertia
     sizes_with_motors = sizes + np.abs(M) @ np.abs(aa) + np.abs(J.T) @ np.abs(tau)
+    sizes_of_accelerations = np.abs(np.linalg.inv(M)) @ sizes_with_motors
     units = np.sqrt(np.diag(M))  # so that the condition number does not depend on units
     condition = float(np.linalg.cond(M / np.outer(units, units)))
+
     return {
-        _TORQUES: Expected(
-            value=tau,
-            size=float((np.abs(np.linalg.pinv(J.T)) @ sizes).max(initial=0.0)),
-            limit=limit,
-        ),
+        _TORQUES: Expected(value=tau, size=float(sizes_of_torques.max(initial=0.0)), limit=limit),
         _FORCES: Expected(value=f, size=float(sizes.max()), limit=limit),
         _ACCELERATIONS: Expected(
             value=chain.compute_accelerations(q, va, tau),
-            size=float((np.abs(np.linalg.inv(M)) @ sizes_with_motors).max()),
+            size=float(sizes_of_accelerations.max()),
             limit=limit * condition,
         ),
     }
 
 
 def _sizes_of_forces(chain: ClosedChain, q: Array, va: Array, aa: Array) -> Array:
-    """Sizes of the joint forces along each coordinate, |L|^T |forces|, shape (n,)."""
+    """Sizes of the terms of the generalized forces L^T forces: |L|^T |forces|, shape (n,)."""
     mechanism = chain.mechanism
     model = mechanism.model
     v = chain.joint_rates(q, va)
@@ -197,8 +207,8 @@ def verify_chain(
     """Compare the dynamics at random configurations in random motion with each referee.
 
     The states come from `random_states`: within limits, away from singular configurations. Torques
-    are compared if the motors suffice for any motion; else accelerations are those under random
-    torques.
+    are compared only if the motors suffice for any motion. If they do not, accelerations under
+    random torques are compared.
     """
     if referees is None:
         referees, _ = referees_of(chain)
@@ -207,7 +217,7 @@ def verify_chain(
     compared = [_FORCES, _ACCELERATIONS]
     if sufficient:
         compared.insert(0, _TORQUES)
-    # For each referee the differences in each quantity.
+    # For each referee, a table of the differences in each quantity.
     tables: list[dict[str, Differences]] = []
     for referee in referees:
         tables.append({quantity: Differences(referee.name, quantity) for quantity in compared})
