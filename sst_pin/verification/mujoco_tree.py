@@ -52,9 +52,10 @@ class MujocoTree:
             source = f"model {self._model.name}"
             raise DescriptionError(source, [f"not for MuJoCo: {error}"]) from None
         if closed is not None:
+            # MuJoCo takes a pair of negative numbers for stiffness and damping.
             stiffness = closed
             damping = 2 * np.sqrt(closed)
-            self.mj.eq_solref[:] = -stiffness, -damping  # negative numbers are these two
+            self.mj.eq_solref[:] = -stiffness, -damping
         self.data = mujoco.MjData(self.mj)
         self._joints = document.joints
         #: Index in MuJoCo of the body of each joint of the robot; 0 is the world.
@@ -62,8 +63,10 @@ class MujocoTree:
         for element in document.bodies:
             name = element.get("name")
             self._bodies.append(0 if name is None else self.mj.body(name).id)
+        # MuJoCo compiles no mass or inertia below a minimum: the document has the minimum instead.
+        # The compiled model can have the robot's own values, also smaller ones.
         for body, inertia in zip(self._bodies[1:], list(self._model.inertias)[1:], strict=True):
-            self.mj.body_mass[body] = inertia.mass  # also less than MuJoCo compiles
+            self.mj.body_mass[body] = inertia.mass
             self.mj.body_inertia[body] = principal_axes(inertia.inertia)[0]
 
     def move(self, q: Array, v: Array) -> "_MujocoMotion":
@@ -72,19 +75,22 @@ class MujocoTree:
         S = np.zeros((self.mj.nv, self._model.nv))
         S_dot_v = np.zeros(self.mj.nv)
         for joint in self._joints:
-            qpos = joint.qpos(q)
-            rates = v[joint.rates]
+            # The joint's part of qpos.
             mujoco_joint = self.mj.joint(joint.name)
+            qpos = joint.qpos(q)
             position = mujoco_joint.qposadr[0]
             self.data.qpos[position : position + len(qpos)] = qpos
+
+            # The joint's rows of S and S_dot v.
+            rates = v[joint.rates]
             dof = mujoco_joint.dofadr[0]
-            rows = S[dof : dof + len(rates)]
-            rows[:, joint.rates] = joint.factor * np.eye(len(rates))
+            S_of_joint = S[dof : dof + len(rates)]  # a view
+            S_of_joint[:, joint.rates] = joint.factor * np.eye(len(rates))
             if joint.kind == "free":
                 # MuJoCo takes the velocity of the origin in base axes, Pinocchio in body axes:
                 # R v_linear, with the derivative R (omega x v_linear) for constant rates.
                 R = pin.Quaternion(*qpos[3:]).matrix()
-                rows[:3, joint.rates[:3]] = R
+                S_of_joint[:3, joint.rates[:3]] = R
                 S_dot_v[dof : dof + 3] = R @ np.cross(rates[3:], rates[:3])
         self.data.qvel[:] = S @ v
         self._mujoco.mj_fwdPosition(self.mj, self.data)
@@ -120,7 +126,10 @@ class MujocoTree:
 
 
 class _MujocoMotion:
-    """See `TreeMotion`. MuJoCo's rates are qvel = S v; `armature` is along the rates v."""
+    """The tree in motion, as in `TreeMotion`, after a `move` of MuJoCo's data.
+
+    MuJoCo's rates are qvel = S v. The armature of the robot belongs to the rates v.
+    """
 
     def __init__(
         self, tree: MujocoTree, v: Array, S: Array, S_dot_v: Array, armature: Array
@@ -141,7 +150,7 @@ class _MujocoMotion:
     def forces(self, dv: Array) -> Array:
         """See `TreeMotion.forces`."""
         force: Array = self._S.T @ self._tree.inverse(self._S @ dv + self._S_dot_v)
-        # The document has no armature, because MuJoCo's axes may be others.
+        # MuJoCo's model has no armature, because its joints may have other rates.
         return force + self._armature * dv
 
 
