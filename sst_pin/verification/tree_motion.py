@@ -13,8 +13,8 @@ from ..model.tree import frame_id
 from ..model.weight_shares import WeightShares
 from .constraint_rows import FrameMotion, closure_rows
 
-#: Singular values below this count as redundant closures, relative to the largest. Those that
-#: vanish are at most 1e-11, the error of assembled loops.
+#: Singular values below this part of the largest one belong to redundant closures. In exact
+#: arithmetic they are zero; they are at most 1e-11, the error of assembled loops.
 REDUNDANT = 1e-10
 
 
@@ -86,10 +86,15 @@ class _PinocchioMotion:
         return force
 
     def _weight_that_does_not_act(self, weight_shares: WeightShares) -> Array:
-        """Its forces along the joints, by virtual work, shape (nv,)."""
+        """What to add to the joint forces of RNEA, because not all of the weight acts, shape (nv,).
+
+        RNEA has the forces that carry the whole weight of each body at its mass centre. In fact a
+        share of the weight acts there, and with it the moment offset x weight. The offset, [m], is
+        in the axes of the body.
+        """
         forces = np.zeros(self._model.nv)
-        rows = zip(weight_shares.shares, weight_shares.offsets, strict=True)
-        for joint, (share, offset) in enumerate(rows, start=1):
+        shares = zip(weight_shares.shares, weight_shares.offsets, strict=True)
+        for joint, (share, offset) in enumerate(shares, start=1):
             body = self._model.inertias[joint]
             weight = body.mass * self._model.gravity.linear
             J = np.reshape(
@@ -97,7 +102,7 @@ class _PinocchioMotion:
                 (6, -1),
             )
             R = self._data.oMi[joint].rotation
-            J_of_center = J[:3] - pin.skew(R @ body.lever) @ J[3:]
+            J_of_center = J[:3] - pin.skew(R @ body.lever) @ J[3:]  # of the mass centre's velocity
             forces += J_of_center.T @ ((1 - share) * weight)
             forces -= J[3:].T @ np.cross(R @ offset, weight)
         return forces
