@@ -279,10 +279,6 @@ def _calibrated(
 def _configurations(chain: ClosedChain, x: Array, start: ArrayLike | None) -> Array:
     """Configurations of the robot as drawn for positions x of the coordinates, shape (N, nq)."""
     guesses = None if start is None else finite_array("start", start, ())
-    brakes = [brake.name for brake in chain.mechanism.brakes]
-    if guesses is None and brakes:
-        problem = f"needed, with the positions at which brakes hold {listed(brakes)}: x lacks them"
-        raise InputError("start", problem)
     size = len(chain.position_names)
     if guesses is not None and guesses.shape not in ((size,), (len(x), size)):
         raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")

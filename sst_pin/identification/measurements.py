@@ -15,7 +15,11 @@ from ..arrays import Array, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import InputError
-from ..simulation.coordinate_motions import configurations_of, without_full_turns
+from ..simulation.coordinate_motions import (
+    configurations_of,
+    require_start_with_brakes,
+    without_full_turns,
+)
 from ..simulation.samples import rows_of_samples, sample_times, spline
 from ..simulation.trajectories import Trajectory
 from .filters import lowpass
@@ -81,12 +85,14 @@ def measured_motion(
         tau: Torques of the motors, shape (N, motors).
         cutoff: Frequency where the two passes together let half of the amplitude through, [Hz].
         decimate: The same as in `estimate`; 8 to 20 for robots with dry friction.
-        start: A guess of all joints at the start, as in `coordinate_motion`.
+        start: A guess of all joints at the start, as in `coordinate_motion`; a robot with brakes
+            needs it.
 
     Raises:
         InputError: For a gap in the log, more than 5 % of outliers, or outliers for more than a
             quarter of a period, a cut-off frequency that is not below half of the sampling rate or
-            needs more time than the log has, or more samples than the log has.
+            needs more time than the log has, more samples than the log has, or a robot with brakes
+            and no `start`.
 
     Example:
         >>> t = np.linspace(0, 4, 2001)
@@ -97,6 +103,7 @@ def measured_motion(
         True
     """
     require_robot("chain", chain)
+    require_start_with_brakes(chain.mechanism, start)
     log = _even_log(chain, t, x, tau, cutoff)
     period = 1 / cutoff
     count = whole_number("decimate", decimate, 1)

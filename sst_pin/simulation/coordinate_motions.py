@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..engine import Engine, Robot, require_robot
-from ..errors import ClosureError, DescriptionWarning, warn_caller
+from ..errors import ClosureError, DescriptionWarning, InputError, warn_caller
 from ..loops.start import placed
 from ..model.mechanism import Mechanism
 from ..model.named_positions import positions_of
@@ -32,14 +32,16 @@ def coordinate_motion(
         x: Coordinates, shape (N, n), [rad] or [m].
         start: A configuration, shape (nq,), which selects the assembly mode. If its loops are
             closed, the coordinates are moved from there to the first sample; otherwise it is a
-            guess of all joints at t[0]. By default `home`, else a configuration near zero.
+            guess of all joints at t[0]. By default `home`, else a configuration near zero. A robot
+            with brakes needs it: it has the positions at which they hold.
 
     Warns:
         DescriptionWarning: If nothing selects the assembly mode at t[0], or an angle jumps by
             about a full turn.
 
     Raises:
-        InputError: For a wrong shape, or a coordinate that is neither an angle nor a length.
+        InputError: For a wrong shape, a coordinate that is neither an angle nor a length, or a
+            robot with brakes and no `start`.
         ClosureError: If the loops cannot be closed along the motion; it names the sample.
 
     Example:
@@ -117,11 +119,23 @@ def without_full_turns(mechanism: Mechanism, x: Array) -> Array:
     return np.where(unbounded, np.unwrap(x, axis=0), x)
 
 
+def require_start_with_brakes(mechanism: Mechanism, start: ArrayLike | None) -> None:
+    """Refuse a robot with brakes without a start.
+
+    The coordinates do not say at which positions the brakes hold, and these need not be at home.
+    """
+    brakes = [brake.name for brake in mechanism.brakes]
+    if brakes and start is None:
+        problem = f"needed, because only a configuration says where brakes hold {listed(brakes)}"
+        raise InputError("start", f"{problem}; give start=, such as chain.home")
+
+
 def configurations_of(engine: Engine, x: Array, start: ArrayLike | None = None) -> Array:
     """Configurations, shape (N, nq), for samples of the coordinates, shape (N, n), in one mode.
 
     `start` and errors are those of `coordinate_motion`.
     """
+    require_start_with_brakes(engine.mechanism, start)
     q = np.empty((len(x), engine.mechanism.model.nq))
     first = dict(zip(engine.mechanism.coordinate_names, x[0], strict=True))
     q[0] = placed(engine, first, start)

@@ -16,7 +16,7 @@ from ..loops.frame_guide import FrameGuide, pose_of, rotations
 from ..loops.start import assemble, start_of
 from ..model.named_positions import positions_of
 from ..progress import counted
-from .coordinate_motions import motion_along, without_full_turns
+from .coordinate_motions import motion_along, require_start_with_brakes, without_full_turns
 from .samples import sample_times
 from .trajectories import Trajectory
 
@@ -41,10 +41,12 @@ def frame_motion(
         poses: In the base: positions of its origin, shape (N, 3), [m], orientations, (N, 3, 3), or
             homogeneous matrices, (N, 4, 4).
         start: A guess of all joints at t[0], shape (nq,), which selects the modes; by default
-            `home`, else a configuration near zero.
+            `home`, else a configuration near zero. A robot with brakes needs it: it has the
+            positions at which they hold.
 
     Raises:
-        InputError: For a wrong shape, or matrices that are not rotations.
+        InputError: For a wrong shape, matrices that are not rotations, or a robot with brakes and
+            no `start`.
         WorkspaceError, SingularConfigurationError: As `ClosedChain.frame_configuration`; the error
             names the sample.
         UnknownNameError: For an unknown frame.
@@ -60,6 +62,7 @@ def frame_motion(
     require_robot("chain", chain)
     engine = chain.engine
     mechanism = engine.mechanism
+    require_start_with_brakes(mechanism, start)
     times = sample_times(t, 3)
     targets = _targets(poses, len(times))
     guide = FrameGuide(

@@ -79,10 +79,22 @@ def _needed_columns(mechanism: Mechanism, table: Table) -> str:
     return f"a motion has the columns {needed} (or _deg, _mm); {columns}"
 
 
+def _joints_with_brakes(mechanism: Mechanism) -> list[str]:
+    """The joints whose positions say where brakes hold.
+
+    The length of a braked line, or an angle of a braked ball, has no column: it follows from the
+    positions of all joints.
+    """
+    joints = list(units_by_joint(mechanism.space))
+    braked = [brake.name for brake in mechanism.brakes]
+    return braked if set(braked) <= set(joints) else joints
+
+
 def _coordinates_and_start(engine: Engine, table: Table) -> tuple[Array, Array]:
     """Positions x of the coordinates in a table, shape (N, n), and the first configuration, (nq,).
 
-    If other joints have columns too, their first row selects the assembly mode.
+    If other joints have columns too, their first row selects the assembly mode. Joints with brakes
+    stay at the positions in this row.
     """
     mechanism = engine.mechanism
     mechanism.require_freedom()
@@ -92,6 +104,12 @@ def _coordinates_and_start(engine: Engine, table: Table) -> tuple[Array, Array]:
     if missing:
         problem = f"no column of {', '.join(missing)}; {_needed_columns(mechanism, table)}"
         raise FileFormatError(table.path, problem, 1)
+    missing = [name for name in _joints_with_brakes(mechanism) if name not in joints]
+    if missing:
+        units = units_by_joint(mechanism.space)
+        columns = ", ".join(f"{name}_{units[name]}" for name in missing)
+        problem = f"no columns {columns} (or _deg, _mm), which say where brakes hold"
+        raise FileFormatError(table.path, f"{problem}; found: {', '.join(table.columns)}", 1)
     if len(table.lines) < 3:
         raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([joints[name] for name in names])
@@ -162,9 +180,10 @@ def read_motion(
 
     The columns are `t_s` and, for each coordinate, `NAME_rad` or `NAME_deg`, or of a sliding joint
     `NAME_m` or `NAME_mm`. The other joints follow from the closures, and rates from splines of
-    degree five. If other joints have columns too, their first row selects the assembly mode. A
-    file of `Trajectory.save`, with all joints, rates and accelerations, is used as it is. `reader`
-    reads tables with other columns. Errors name the line.
+    degree five. If other joints have columns too, their first row selects the assembly mode.
+    Joints with brakes need a column: they stay at the position in its first row. A file of
+    `Trajectory.save`, with all joints, rates and accelerations, is used as it is. `reader` reads
+    tables with other columns. Errors name the line.
     """
     return _motion_of(engine, motion_table(engine.mechanism, source), reader)
 
@@ -278,7 +297,8 @@ def read_start(
     Args:
         engine: The robot.
         table: Positions as for `read_motion`, and rates `NAME_rad_s` or `NAME_m_s`.
-        q0: Positions of joints by name, [rad] or [m]; by default those of the row.
+        q0: Positions of joints by name, [rad] or [m]: of the coordinates and of joints with brakes.
+            By default they are those of the row.
         va0: Rates of the coordinates by name; those that it leaves out are zero. By default they
             are those of the row, or zero if q0 is given and the row has no rates.
     """
@@ -289,7 +309,7 @@ def read_start(
     if q0 is None:
         joints = _joint_positions(engine.mechanism, table)
         q0 = {name: float(positions[0]) for name, positions in joints.items()}
-    names = engine.mechanism.coordinate_names
+    names = [*engine.mechanism.coordinate_names, *_joints_with_brakes(engine.mechanism)]
     missing = [name for name in names if name not in q0]
     if missing:
         cure = f"give --q0 {_example_of_option(names)}"

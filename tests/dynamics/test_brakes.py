@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Robots that stand: brakes, and structures without a degree of freedom."""
 
+import io
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import ClosedChain, Distance, LineForce, coordinate_motion, robots
-from sst_pin.errors import DescriptionError, InputError, UnknownNameError
+from sst_pin import ClosedChain, Distance, LineForce, coordinate_motion, frame_motion, robots
+from sst_pin.errors import DescriptionError, FileFormatError, InputError, UnknownNameError
+from sst_pin.files import read_table
+from sst_pin.identification import measured_motion
 from sst_pin.loops.start import placed
+from sst_pin.simulation.motion_files import read_motion, read_start
 from tests.support.files import ROOT
 
 #: Rounding of torques of 1 N m that sums of a hundred products leave.
@@ -373,6 +378,77 @@ def test_whatever_closes_open_loops_keeps_braked_joints_where_they_are():
     home = dict(zip(names, chain.home, strict=True))
     q = chain.assemble({"shoulder_2": home["shoulder_2"] + 0.05, "elbow_2": home["elbow_2"]})
     assert q[names.index("shoulder_1")] == home["shoulder_1"]
+
+
+T = np.linspace(0, 4, 801)
+
+
+@pytest.fixture(scope="module")
+def braked():
+    """A robot whose first shoulder is held 0.1 rad from home, and this configuration."""
+    chain = robots.planar_3rrr()
+    start = chain.assemble({"shoulder_1": chain.home[0] + 0.1}, fixed=["shoulder_1"])
+    return chain.with_brakes(["shoulder_1"]), start
+
+
+def motions_by_start(chain, start):
+    """Functions of a start that make a motion, by name."""
+    names = list(chain.position_names)
+    x = start[[names.index(name) for name in chain.coordinates]] + 0.01 * np.sin(3 * T)[:, None]
+    p, _ = chain.frame_placement(start, "platform")
+    points = p + 0.001 * np.outer(np.sin(T), [1.0, 0.0, 0.0])
+    tau = np.cos(3 * T)[:, None] * np.ones(len(chain.motor_names))
+    return {
+        "coordinate_motion": lambda **more: coordinate_motion(chain, T[:9], x[:9], **more),
+        "measured_motion": lambda **more: measured_motion(chain, T, x, tau, cutoff=5, **more),
+        "frame_motion": lambda **more: frame_motion(chain, T[:9], "platform", points[:9], **more),
+    }
+
+
+@pytest.mark.parametrize("name", ["coordinate_motion", "measured_motion", "frame_motion"])
+def test_a_motion_of_a_braked_robot_needs_a_start(braked, name):
+    """The coordinates do not say where a brake holds; home was taken without a word."""
+    chain, start = braked
+    function = motions_by_start(chain, start)[name]
+    with pytest.raises(InputError, match=r"^start: .* brakes hold shoulder_1; give start="):
+        function()
+    motion = function(start=start)
+    shoulder = list(chain.position_names).index("shoulder_1")
+    np.testing.assert_allclose(motion.q[:, shoulder], start[shoulder], atol=1e-12)
+
+
+def test_a_file_of_a_braked_robot_needs_a_column_of_the_joint_that_is_held(braked):
+    chain, start = braked
+    positions = dict(zip(chain.position_names, start.tolist(), strict=True))
+
+    def file(*joints):
+        rows = [",".join([f"{t}", *(f"{positions[name]!r}" for name in joints)]) for t in range(4)]
+        head = ",".join(["t_s", *(f"{name}_rad" for name in joints)])
+        return io.BytesIO("\n".join([head, *rows]).encode())
+
+    with pytest.raises(FileFormatError, match=r"no columns shoulder_1_rad .* where brakes hold"):
+        read_motion(chain.engine, file(*chain.coordinates))
+    motion = read_motion(chain.engine, file(*chain.coordinates, "shoulder_1"))
+    np.testing.assert_allclose(motion.q, start[None].repeat(4, axis=0), atol=1e-9)
+
+    # The start of a simulation, by names.
+    table = read_table(file(*chain.coordinates))
+    q0 = {name: positions[name] for name in chain.coordinates}
+    with pytest.raises(FileFormatError, match="no shoulder_1 for the initial positions"):
+        read_start(chain.engine, table, q0)
+    q, _ = read_start(chain.engine, table, {**q0, "shoulder_1": positions["shoulder_1"]})
+    np.testing.assert_allclose(q, start, atol=1e-9)
+
+
+def test_a_file_of_a_robot_with_a_braked_line_needs_columns_of_all_joints():
+    bar = robots.five_bar()
+    line = LineForce("universe", "platform", name="valve")
+    chain = ClosedChain(bar.model, bar.closures, bar.motor_names, lines=[line], brakes=["valve"])
+    columns = [f"{name}_rad" for name in chain.coordinates]
+    rows = "\n".join(f"{t}" + f",{0.1}" * len(columns) for t in range(3))
+    file = io.BytesIO(f"{','.join(['t_s', *columns])}\n{rows}".encode())
+    with pytest.raises(FileFormatError, match=r"no columns .* where brakes hold"):
+        read_motion(chain.engine, file)
 
 
 def test_the_regressor_of_a_held_robot_has_a_column_for_each_parameter_and_no_row():
