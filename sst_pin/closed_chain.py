@@ -28,18 +28,12 @@ from .loops.frame_guide import frame_configurations
 from .loops.geometry_correction import correct_geometry
 from .loops.mobility import Mobility
 from .loops.start import assemble, start_of
-from .model.checks import (
-    Motor,
-    coordinates_of,
-    copied,
-    recipe_of,
-    shares_without_locked,
-    without_locked,
-)
+from .model.checks import Motor, coordinates_of, copied, recipe_of
 from .model.closures import Constraint
 from .model.contacts import Contact, Rope
 from .model.geometry import lengthened, take_placements
 from .model.lines import LineForce
+from .model.locked_joints import shares_without_locked, without_locked
 from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
 from .model.weight_shares import Share, checked_shares

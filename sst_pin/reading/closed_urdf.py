@@ -13,8 +13,9 @@ import pinocchio as pin
 
 from ..arrays import names
 from ..errors import DescriptionError
-from ..model.checks import Motor, shares_without_locked, tendon_of, without_locked
+from ..model.checks import Motor, tendon_of
 from ..model.closures import Constraint, Coupling, frames_of
+from ..model.locked_joints import shares_without_locked, without_locked
 from ..model.weight_shares import checked_shares
 from ..summaries import listed
 from .closing_frames import closures_of_frames, is_closing

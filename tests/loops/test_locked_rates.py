@@ -10,7 +10,7 @@ import pytest
 
 import sst_pin
 from sst_pin import ClosedChain, Closure
-from sst_pin.model.checks import without_locked
+from sst_pin.model.locked_joints import without_locked
 from sst_pin.reading import parse_cuts
 from tests.support.by_hand import add, at, mark
 

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.model.checks import without_locked
+from sst_pin.model.locked_joints import without_locked
 from tests.support import any_chain
 
 TYPES = (pin.FrameType.JOINT, pin.FrameType.OP_FRAME, pin.FrameType.BODY, pin.FrameType.SENSOR)
