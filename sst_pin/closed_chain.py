@@ -33,7 +33,7 @@ from .model.closures import Constraint
 from .model.contacts import Contact, Rope
 from .model.geometry import lengthened, take_placements
 from .model.lines import LineForce
-from .model.locked_joints import shares_without_locked, without_locked
+from .model.locked_joints import without_locked
 from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
 from .model.weight_shares import Share, checked_shares
@@ -149,9 +149,10 @@ class ClosedChain(RobotProperties, Summary):
         weight_shares: Mapping[str, Share] = MappingProxyType({}),
     ) -> None:
         _require_model(model)
+        tree = copied(model)
         shares = checked_shares(weight_shares)
         if locked:
-            shares = shares_without_locked(model, locked, shares)
+            tree, shares = without_locked(tree, locked, shares)
         recipe = recipe_of(
             closures,
             actuated,
@@ -165,7 +166,7 @@ class ClosedChain(RobotProperties, Summary):
             stiffness=stiffness,
             spring_reference=spring_reference,
         )
-        self._fill(without_locked(model, locked) if locked else copied(model), recipe)
+        self._fill(tree, recipe)
 
     def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
         """Set the tree `model` and all that follows from it: corrected placements and the engine.

@@ -261,7 +261,7 @@ def enlarged(
         if name in joints_at:
             series = Series.named(joints_at[name])
             changes[j] = Series([*series.parts, *Series.whole(model.joints[j]).parts])
-    large = rebuilt(model, changes)
+    large = rebuilt(model, changes).model
     for place, joints in joints_at.items():
         if place not in model.names:
             _insert_before_frame(large, place, joints)

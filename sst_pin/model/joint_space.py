@@ -206,15 +206,11 @@ class JointSpace:
 
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
         """Names for which `rates_of` returns these; a joint's name stands for all its rates."""
-        joint_of_rate: dict[int, str] = {}
-        for name, of_joint in self.rates.items():
-            for k in of_joint:
-                joint_of_rate[k] = name
         names: list[str] = []
         indices = [int(k) for k in rates]
         i = 0
         while i < len(indices):
-            name = joint_of_rate[indices[i]]
+            name = self.joint_of_rate[indices[i]]
             all_rates = list(self.rates[name])
             if indices[i : i + len(all_rates)] == all_rates:
                 names.append(name)
@@ -232,6 +228,15 @@ class JointSpace:
             if joint.nv:
                 rates[name] = range(joint.idx_v, joint.idx_v + joint.nv)
         return rates
+
+    @cached_property
+    def joint_of_rate(self) -> dict[int, str]:
+        """Name of the joint of each rate, by its index in v."""
+        joints: dict[int, str] = {}
+        for name, rates in self.rates.items():
+            for k in rates:
+                joints[k] = name
+        return joints
 
     @cached_property
     def euclidean(self) -> bool:

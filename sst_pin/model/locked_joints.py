@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Locks joints, or single rates of joints: the tree without them, and the shares of the weights."""
+"""Locks joints, or single rates of joints: a tree without them, and its shares of the weights."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -12,68 +14,89 @@ from ..errors import DescriptionError, InputError
 from .checks import copied
 from .joint_series import PartlyLocked, Series
 from .joint_space import JointSpace, is_continuous
-from .rebuilt_tree import rebuilt
-from .tree import frame_id, joint_id
+from .rebuilt_tree import RebuiltTree, rebuilt
+from .tree import joint_id
 from .weight_shares import Link, shares_of_links, weight_shares_of
 
 
-def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
+class LockedTree(NamedTuple):
+    """A tree some of whose joints or rates are locked.
+
+    Attributes:
+        model: The tree without the locked joints.
+        weight_shares: Share and offset of the weight of each body that lacks weight, by the names
+            of joints; see `weight_shares`.
+    """
+
+    model: pin.Model
+    weight_shares: dict[str, Array]
+
+
+def without_locked(
+    model: pin.Model,
+    locked: Sequence[str] | Mapping[str, float],
+    weight_shares: Mapping[str, Array] = MappingProxyType({}),
+) -> LockedTree:
     """The tree with some joints, or single rates of joints, fixed.
 
-    `locked` are names of joints or rates, which are fixed at zero, or their positions by name.
+    The body of a fixed joint becomes a part of the body before it.
+
+    Args:
+        model: The tree.
+        locked: Names of joints or rates, which are fixed at zero, or their positions by name.
+        weight_shares: Share and offset of bodies before, by the names of joints.
     """
     model = copied(model)
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     _require_whole_poses(model)
-    # Joints that are locked as a whole go; others become series of the joints that can move.
-    neutral = pin.neutral(model)
+    tree = rebuilt(model, _series_of_locked(model, locked))
+    return LockedTree(tree.model, _shares_in(tree, model, weight_shares))
+
+
+def _series_of_locked(
+    model: pin.Model, locked: Sequence[str] | Mapping[str, float]
+) -> dict[int, Series]:
+    """What replaces each joint that is locked, by its number.
+
+    Nothing replaces a joint that is locked as a whole. Other joints become series of joints for the
+    rates that stay free.
+    """
     changes: dict[int, Series] = {}
+    neutral = pin.neutral(model)
     for joint_name, positions in _locked_positions(model, locked).items():
         number = joint_id(model, joint_name)
         joint = model.joints[number]
         if joint.nq == 1:
             changes[number] = Series.fixed(joint, np.array([positions[0]]))
         elif joint.nv == 1 or joint_name in locked:
-            # A continuous joint, or one that is locked by its own name: `_locked_positions` has
-            # refused positions other than zero.
+            # A continuous joint, or a joint of several rates that is locked by its own name. Both
+            # can only be locked at zero, see `_locked_positions`.
             q = neutral[joint.idx_q : joint.idx_q + joint.nq]
             changes[number] = Series.fixed(joint, q)
         else:
             changes[number] = PartlyLocked(joint, positions)
-    return rebuilt(model, changes)
+    return changes
 
 
-def shares_without_locked(
-    model: pin.Model, locked: Sequence[str] | Mapping[str, float], shares: Mapping[str, Array]
-) -> dict[str, Array]:
-    """The shares of the weights, by the names of joints, in the tree `without_locked`.
-
-    The body of a locked joint becomes a part of another body.
-    """
-    before = weight_shares_of(model, shares)
-    if before is None:
+def _shares_in(tree: RebuiltTree, old: pin.Model, shares: Mapping[str, Array]) -> dict[str, Array]:
+    """The shares of the weights of the old tree, for the bodies of the rebuilt tree."""
+    of_old_bodies = weight_shares_of(old, shares)
+    if of_old_bodies is None:
         return {}
-    # A frame at each joint shows where its body is afterwards.
-    marked = copied(model)
-    frames = [f"body {i} before joints are locked" for i in range(model.njoints)]
-    for i in range(1, model.njoints):
-        here = pin.SE3.Identity()
-        marked.addFrame(pin.Frame(frames[i], i, 0, here, pin.FrameType.OP_FRAME), False)
-    after = without_locked(marked, locked)
     links = list[Link]()
-    for i in range(1, model.njoints):
-        frame = after.frames[frame_id(after, frames[i])]
-        body = model.inertias[i]
+    for i in range(1, old.njoints):
+        carrier = tree.carriers[i]
+        body = old.inertias[i]
         link = Link(
-            joint=frame.parentJoint,
+            joint=carrier.joint,
             mass=body.mass,
-            center=frame.placement.act(body.lever),
-            share=before.shares[i - 1],
-            offset=frame.placement.rotation @ before.offsets[i - 1],
+            center=carrier.place.act(body.lever),
+            share=of_old_bodies.shares[i - 1],
+            offset=carrier.place.rotation @ of_old_bodies.offsets[i - 1],
         )
         links.append(link)
-    return shares_of_links(after, links)
+    return shares_of_links(tree.model, links)
 
 
 def _locked_positions(
@@ -81,18 +104,15 @@ def _locked_positions(
 ) -> dict[str, dict[int, float]]:
     """The position of each locked rate, by the name of its joint and its index in the joint.
 
-    A position can only be given to one rate: a joint with several, or a continuous one, has no
-    single position that its name could mean.
+    Only a single slide or a bounded turn can be locked at a given position. The name of a joint
+    with several rates would not say which rate has the position. q of a continuous joint has a
+    cosine and a sine.
     """
     space = JointSpace(model)
-    joint_of_rate: dict[int, str] = {}
-    for joint_name, rates in space.rates.items():
-        for rate in rates:
-            joint_of_rate[rate] = joint_name
     positions: dict[str, dict[int, float]] = {}
     for name in names_of("locked", list(locked) if isinstance(locked, Mapping) else locked):
         indices = space.rates_of([name]).tolist()
-        joint_name = joint_of_rate[indices[0]]
+        joint_name = space.joint_of_rate[indices[0]]
         joint = model.joints[joint_id(model, joint_name)]
         position = 0.0
         if isinstance(locked, Mapping):

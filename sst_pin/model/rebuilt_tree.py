@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A tree built again joint by joint, with some joints fixed or replaced by several in series.
 
-In this module "place" is a placement, `pin.SE3`.
+`rebuilt` adds the joints with their bodies, then the frames. Last, it copies the numbers of the
+joints (limits, friction, rotors) and the stored poses. A "place" in this module is a placement,
+`pin.SE3`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +27,35 @@ RATE_ARRAYS = (
 POSITION_ARRAYS = ("lowerPositionLimit", "upperPositionLimit")
 
 
-def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
+class Carrier(NamedTuple):
+    """What moves the body of an old joint in the new tree.
+
+    Attributes:
+        joint: Number of the new joint that moves the body.
+        place: Placement, relative to this joint, of the axes that the body had at the old joint.
+        series: The joints that replace the old one; none if it is fixed.
+        numbers: Numbers of these joints in the new tree, the last of which is `joint`.
+    """
+
+    joint: int
+    place: pin.SE3
+    series: Series
+    numbers: Sequence[int]
+
+
+class RebuiltTree(NamedTuple):
+    """A new tree.
+
+    Attributes:
+        model: The tree.
+        carriers: What moves the body of each old joint, by the number of the old joint.
+    """
+
+    model: pin.Model
+    carriers: Sequence[Carrier]
+
+
+def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> RebuiltTree:
     """The tree with some joints, by number, replaced by series; its joints may come in any order.
 
     `pin.buildReducedModel` needs joints added depth-first, each with a frame; without these it ends
@@ -35,62 +65,34 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     model.name = old.name
     model.gravity = old.gravity
     model.inertias[0] = old.inertias[0]
-    all_series: list[Series] = []
-    for i, joint in enumerate(old.joints):
-        all_series.append(changes[i] if i in changes else Series.whole(joint))
-
-    # Joints and bodies.
-    carriers = [_Carrier(0, pin.SE3.Identity(), [])]
+    carriers = [Carrier(0, pin.SE3.Identity(), Series([]), [])]  # the base
     for i in range(1, old.njoints):
-        parent = carriers[old.parents[i]]
-        joint = parent.joint
-        place = parent.place * old.jointPlacements[i]
-        series_joints = []
-        for part in all_series[i].parts:
-            name = old.names[i] + part.suffix
-            joint = model.addJoint(joint, part.joint, place * part.place, name)
-            series_joints.append(joint)
-            place = pin.SE3.Identity()
-        carrier = _Carrier(joint, place * all_series[i].place, series_joints)
-        carriers.append(carrier)
+        series = changes[i] if i in changes else Series.whole(old.joints[i])
+        carrier = _add_series(old, i, model, carriers[old.parents[i]], series)
         model.appendBodyToJoint(carrier.joint, old.inertias[i], carrier.place)
+        carriers.append(carrier)
     _copy_frames(old, model, carriers)
-
-    # Numbers of the joints, and their positions in the stored poses.
-    poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
-    new_poses = {name: pin.neutral(model) for name in poses}
-    model_joints = list(model.joints)
-    for i in range(1, old.njoints):
-        old_joint = old.joints[i]
-        new_joints = [model_joints[number] for number in carriers[i].series]
-        for part, new_joint in zip(all_series[i].parts, new_joints, strict=True):
-            _copy_numbers(old, old_joint, model, new_joint, part)
-        for name, pose in poses.items():
-            q = pose[old_joint.idx_q : old_joint.idx_q + old_joint.nq]
-            for new_joint, positions in zip(new_joints, all_series[i].positions(q), strict=True):
-                entries = slice(new_joint.idx_q, new_joint.idx_q + positions.size)
-                new_poses[name][entries] = positions
-    for name, pose in new_poses.items():
-        model.referenceConfigurations[name] = pose
-    return model
+    _copy_joint_numbers(old, model, carriers)
+    _copy_poses(old, model, carriers)
+    return RebuiltTree(model, carriers)
 
 
-class _Carrier(NamedTuple):
-    """What moves the body of an old joint in the new tree.
+def _add_series(
+    old: pin.Model, i: int, model: pin.Model, parent: Carrier, series: Series
+) -> Carrier:
+    """Add the series that replaces the old joint i; `parent` carries the body before it."""
+    joint = parent.joint
+    place = parent.place * old.jointPlacements[i]  # of the next joint, on `joint`
+    numbers = []
+    for part in series.parts:
+        name = old.names[i] + part.suffix
+        joint = model.addJoint(joint, part.joint, place * part.place, name)
+        numbers.append(joint)
+        place = pin.SE3.Identity()
+    return Carrier(joint, place * series.place, series, numbers)
 
-    Attributes:
-        joint: Number of the new joint that moves the body.
-        place: Placement of the body on this joint.
-        series: Numbers of the new joints that replace the old one, the last of which is `joint`;
-            empty if the old joint is fixed.
-    """
 
-    joint: int
-    place: pin.SE3
-    series: Sequence[int]
-
-
-def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[_Carrier]) -> None:
+def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) -> None:
     """Copy the frames.
 
     The frame of a joint becomes a frame for each of the new joints that replace it, or the frame of
@@ -103,16 +105,25 @@ def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[_Carrier])
         parent_frame = new_index.get(frame.parentFrame, 0)
         kind = frame.type
         if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
-            for k in carrier.series:
+            for k in carrier.numbers:
                 new = pin.Frame(model.names[k], k, parent_frame, pin.SE3.Identity(), kind)
                 parent_frame = model.addFrame(new, False)
                 new_index[i] = parent_frame
+            if carrier.numbers:
+                continue
             kind = pin.FrameType.FIXED_JOINT
-            if carrier.series or old.existFrame(frame.name, kind):
+            if old.existFrame(frame.name, kind):  # two frames of one kind need different names
                 continue
         place = carrier.place * frame.placement
         new = pin.Frame(frame.name, carrier.joint, parent_frame, place, kind)
         new_index[i] = model.addFrame(new, False)
+
+
+def _copy_joint_numbers(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) -> None:
+    """Copy limits, friction and rotors of the rates and positions that stay."""
+    for i in range(1, old.njoints):
+        for part, number in zip(carriers[i].series.parts, carriers[i].numbers, strict=True):
+            _copy_numbers(old, old.joints[i], model, model.joints[number], part)
 
 
 def _copy_numbers(
@@ -127,3 +138,18 @@ def _copy_numbers(
         for k, entry in enumerate(part.entries):
             value = getattr(old, name)[old_joint.idx_q + entry]
             getattr(model, name)[new_joint.idx_q + k] = value
+
+
+def _copy_poses(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) -> None:
+    """Copy the stored poses; parts that have no positions in the old q are neutral."""
+    for pair in old.referenceConfigurations:
+        pose = np.array(pair.data())
+        new_pose = pin.neutral(model)
+        for i in range(1, old.njoints):
+            old_joint = old.joints[i]
+            q = pose[old_joint.idx_q : old_joint.idx_q + old_joint.nq]
+            positions_of_parts = carriers[i].series.positions(q)
+            for number, positions in zip(carriers[i].numbers, positions_of_parts, strict=True):
+                first = model.joints[number].idx_q
+                new_pose[first : first + positions.size] = positions
+        model.referenceConfigurations[pair.key()] = new_pose

@@ -15,7 +15,7 @@ from ..arrays import names
 from ..errors import DescriptionError
 from ..model.checks import Motor, tendon_of
 from ..model.closures import Constraint, Coupling, frames_of
-from ..model.locked_joints import shares_without_locked, without_locked
+from ..model.locked_joints import without_locked
 from ..model.weight_shares import checked_shares
 from ..summaries import listed
 from .closing_frames import closures_of_frames, is_closing
@@ -127,8 +127,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         weight_shares = urdf.weight_shares(model) | checked_shares(cuts.weight_shares)
         locked = _locked_joints(urdf, cuts)
         if locked:
-            weight_shares = shares_without_locked(model, locked, weight_shares)
-            model = without_locked(model, locked)
+            model, weight_shares = without_locked(model, locked, weight_shares)
         stiffness, spring_reference = springs_of(model, numbers)
 
     # Motors; in an open tree without motors each joint has one.

@@ -67,7 +67,7 @@ def with_kinds(
         return model
     _require_new_names(model, parts_of, source)
     changes = {model.getJointId(name): Series.named(parts) for name, parts in parts_of.items()}
-    result = rebuilt(model, changes)
+    result = rebuilt(model, changes).model
     for name, parts in parts_of.items():
         replaced = model.joints[model.getJointId(name)]
         for suffix in parts:

@@ -237,7 +237,7 @@ def test_a_joint_that_no_motor_holds_is_named_with_its_cure():
     """Two rods hold pitch and roll of an ankle, not its yaw."""
     ankle = robots.ankle()
     yaw = {"": pin.JointModelRX(), "_yaw": pin.JointModelRZ()}
-    model = rebuilt(ankle.model, {ankle.model.getJointId("ankle_roll"): Series.named(yaw)})
+    model = rebuilt(ankle.model, {ankle.model.getJointId("ankle_roll"): Series.named(yaw)}).model
     chain = sst_pin.ClosedChain(model, ankle.closures, ankle.motor_names)
     with pytest.raises(ActuationError, match="leave ankle_roll_yaw free") as caught:
         sst_pin.SerialView(chain, LEG[2:])

@@ -111,7 +111,7 @@ def test_named_poses_stay_where_a_locked_rate_is_at_zero(kind):
         start[-1] = q[-1]
         pose = whole.frame_configuration("tip_j", *fixed.frame_placement(q, "tip_j"), start=start)
         model.referenceConfigurations["pose"] = pose
-        back = without_locked(model, [rate])
+        back = without_locked(model, [rate]).model
         named = back.referenceConfigurations["pose"]
         assert placed(back, named).isApprox(placed(fixed.model, q), 1e-9)
 
