@@ -21,6 +21,7 @@ Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 T = TypeVar("T")
+_Numbers = TypeVar("_Numbers", Array, Indices)
 #: The default policy for samples that fail. Control loops compare `on_error is RAISE`, since an
 #: array has no truth value by `==`; an equal string that is another object takes the longer way.
 RAISE = "raise"
@@ -293,6 +294,13 @@ def require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
     steps = zip(shape, out.strides, strict=True)
     if out.size and any(size > 1 and not step for size, step in steps):
         raise InputError("out", "entries share memory, as those of numpy.broadcast_to")
+
+
+def read_only(array: _Numbers) -> _Numbers:
+    """A read-only copy."""
+    copy = np.array(array)
+    copy.flags.writeable = False
+    return copy
 
 
 def in_one_turn(angles: ArrayLike) -> Array:

@@ -19,11 +19,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, positive_number, single_array
+from ..arrays import Array, positive_number, read_only, single_array
 from ..errors import DescriptionWarning, InputError, UnknownNameError, warn_caller
 from ..model.dry_friction import sign_of
 from ..model.lines import LineForce
-from ..model.mechanism import Friction, Mechanism, Springs, read_only
+from ..model.mechanism import Friction, Mechanism, Springs
 from ..summaries import Summary, listed
 from .dynamics import Context
 

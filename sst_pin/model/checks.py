@@ -11,14 +11,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, in_order, single_array
+from ..arrays import Array, finite_array, in_order, read_only, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .closures import Brake, Closure, Constraint, Coupling, Distance, Rolling
 from .contacts import Contact, Contacts, Rope, contacts_of
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
-from .mechanism import Friction, Mechanism, Springs, read_only
+from .mechanism import Friction, Mechanism, Springs
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS
 from .tree import frame_id
 from .weight_shares import weight_shares_of

@@ -3,12 +3,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Indices
+from ..arrays import Array, Indices, read_only
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
 from .closures import Brake, Constraint, Coupling
@@ -19,8 +18,6 @@ from .lines import Lines
 from .loop_groups import LoopGroup, longest_offset, loop_groups
 from .tree import joint_id
 from .weight_shares import WeightShares
-
-_Numbers = TypeVar("_Numbers", Array, Indices)
 
 _NOTHING_MOVES = (
     "no coordinates: nothing can move. reactions(q) computes the forces in a robot that stands "
@@ -390,10 +387,3 @@ class Mechanism:
                 lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
         is_translation = np.array(self.space.rate_units) == "m"
         return read_only(np.where(is_translation, lengths, 1.0))
-
-
-def read_only(array: _Numbers) -> _Numbers:
-    """A read-only copy."""
-    copy = np.array(array)
-    copy.flags.writeable = False
-    return copy

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, as_array, single_array
+from ..arrays import Array, as_array, read_only, single_array
 from ..errors import InputError
 from .tree import joint_id
 
@@ -24,8 +24,7 @@ from .tree import joint_id
 Share = float | Sequence[float]
 
 _WHOLE = np.array([1.0, 0, 0, 0])
-_NO_OFFSET = np.zeros(3)
-_NO_OFFSET.flags.writeable = False  # all links without an offset share it
+_NO_OFFSET = read_only(np.zeros(3))  # all links without an offset share it
 
 
 class Link(NamedTuple):
@@ -61,9 +60,7 @@ class WeightShares:
 
     def __post_init__(self) -> None:
         for name in ("shares", "offsets"):
-            array = np.array(getattr(self, name), dtype=float)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def bodies(self) -> list[int]:

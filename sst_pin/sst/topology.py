@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, read_only
 from ..description.frames import JOINT_NAMES
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
 from ..model.geometry import place_of
-from ..model.mechanism import Friction, read_only
+from ..model.mechanism import Friction
 from ..model.tree import frame_named
 from .kinematics import Geometry
 
