@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks the arguments of `ClosedChain` and makes a `Mechanism` of them."""
+"""Checks the arguments of `ClosedChain` and makes a `Mechanism` of them.
+
+`recipe_of` checks the arguments, and `mechanism_of` makes a mechanism of them and a tree. They are
+followed by functions for each argument, and at the end by the checks of the tree.
+"""
 
 import re
 from collections import Counter
@@ -23,20 +27,22 @@ from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS
 from .tree import frame_id
 from .weight_shares import weight_shares_of
 
-#: Mimic joints that Pinocchio computes correctly, in their printed form: they have no attribute for
-#: their kind. Pinocchio omits the pitch of helical joints. Continuous ones ("RUBX") have no limits.
+#: Matches mimic joints that Pinocchio computes correctly: revolute and prismatic ones with limits.
+#: Only the printed form of a mimic joint shows its kind. Pinocchio omits the pitch of helical ones.
+#: Continuous ones, such as "RUBX", have no limits.
 _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
-#: Products of three larger numbers, as in inertias times accelerations, may overflow.
+#: Larger numbers are refused: the product of three, as in mass times length squared, may overflow.
 _TOO_LARGE = 1e100
 
 #: Largest error of R^T R for a rotation R. Quaternions that are not normalised have larger ones.
 _NO_ROTATION = 1e-6
 
-#: A motor: the name of a joint or line, or a tendon. A tendon maps names of joints or lines to
-#: factors, or its own name to such a mapping: {"split": {"left": 1, "right": 1}}.
+#: A motor: the name of a joint or line, or a tendon, which acts on several of them. A tendon maps
+#: their names to factors, {"left": 1, "right": 1}. A tendon with a name of its own maps this name
+#: to such a mapping, {"split": {"left": 1, "right": 1}}.
 Motor = str | Mapping[str, float] | Mapping[str, Mapping[str, float]]
 
 
@@ -78,8 +84,8 @@ def recipe_of(
     A chain makes mechanisms of several trees: after `refresh`, or with other parameters. So the
     arguments are checked and copied once, here.
 
-    `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference;
-    `weight_shares` are checked.
+    `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
+    `weight_shares` is a result of `checked_shares` or `without_locked`.
     """
     return partial(
         mechanism_of,
@@ -116,10 +122,10 @@ def mechanism_of(
     _require_sound(model, closures)
     space = JointSpace(model)
     closures = (*closures, *_brakes(space, brakes, lines, coordinates or ()))
-    B, motor_names = _motors(space, motors, lines)
+    B, motor_names = _actuation(space, motors, lines)
     B_rates, B_lines = np.split(B, [model.nv])
-    for line in lines:  # refuse unknown frames
-        frame_id(model, line.frame_a)
+    for line in lines:
+        frame_id(model, line.frame_a)  # raises an error for an unknown frame
         frame_id(model, line.frame_b)
     contacts = contacts or Contacts()
     contacts.check(model)
@@ -175,7 +181,7 @@ def _brakes(
     lines: Sequence[LineForce],
     coordinates: Sequence[str],
 ) -> list[Brake]:
-    """A brake for each line, and for each rate of each joint, of these names."""
+    """The brakes with these names: one for a line, and one for each rate of a joint."""
     result: list[Brake] = []
     lines_by_name = {line.name: line for line in lines}
     rates_of_coordinates = set(space.rates_of(coordinates).tolist())
@@ -215,16 +221,19 @@ def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
 
 
 def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
-    """The name of a motor, empty for a tendon without one, and the factors of what it drives."""
+    """The name of a motor, and the factors of the joints and lines that it acts on, by their names.
+
+    The name is empty for a tendon without a name of its own.
+    """
     if not isinstance(motor, Mapping):
-        # Anything but a name is refused by `_motors`.
+        # Anything but a name is refused by `_actuation`.
         factors = {motor: 1.0} if isinstance(motor, str) else {}
         return motor, factors
     if len(motor) == 1:
         ((name, shares),) = motor.items()
         if isinstance(shares, Mapping):
             return name, shares
-    return "", motor  # type: ignore[return-value]  # `_motors` checks its numbers
+    return "", motor  # type: ignore[return-value]  # `_actuation` checks its numbers
 
 
 def lines_of(lines: Sequence[LineForce]) -> tuple[LineForce, ...]:
@@ -239,25 +248,12 @@ def lines_of(lines: Sequence[LineForce]) -> tuple[LineForce, ...]:
     return result
 
 
-def _rows_of(space: JointSpace, row_of_line: Mapping[str, int], names: Sequence[str]) -> list[int]:
-    """Rows of B of joints, rates and lines, by their names; a repeated row is refused."""
-    rows: list[int] = []
-    for name in names:
-        if name in row_of_line:
-            rows.append(row_of_line[name])
-        else:
-            rows.extend(space.rates_of([name]).tolist())
-    if len(set(rows)) != len(rows):
-        raise InputError("names", f"a joint appears twice in {list(names)}")
-    return rows
-
-
-def _motors(
+def _actuation(
     space: JointSpace, motors: Sequence[Motor], lines: Sequence[LineForce]
 ) -> tuple[Array, tuple[str, ...]]:
     """B, shape (nv + lines, motors), and the motors' names.
 
-    B tau are the forces of the motors on each rate, then on each line.
+    Motors with the torques tau act with the forces B tau: first on each rate, then on each line.
     """
     rates = len(space.rate_names)
     row_of_line = {line.name: row for row, line in enumerate(lines, rates)}
@@ -292,6 +288,19 @@ def _motors(
     return B, tuple(motor_names)
 
 
+def _rows_of(space: JointSpace, row_of_line: Mapping[str, int], names: Sequence[str]) -> list[int]:
+    """Rows of B for named joints, rates and lines; a row that appears twice is refused."""
+    rows: list[int] = []
+    for name in names:
+        if name in row_of_line:
+            rows.append(row_of_line[name])
+        else:
+            rows.extend(space.rates_of([name]).tolist())
+    if len(set(rows)) != len(rows):
+        raise InputError("names", f"a joint appears twice in {list(names)}")
+    return rows
+
+
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     """Refuse names, numbers and joints that the dynamics cannot use; the error lists them all."""
     names = list(model.names)[1:]
@@ -308,12 +317,12 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
         problems.append("joint universe: the world has this name; rename the joint")
     for name in sorted({*names} & {*map(str, closures)}):
         problems.append(f"joint {name}: a closure has this name too; rename the joint")
-    if model.nv and not problems:
+    if not problems:  # names of positions and rates are made from sound names of joints
         problems = _names_with_two_meanings(model)
 
     # Numbers
     problems += _impossible_numbers(model)
-    if model != pin.Model(model):  # NaN differs from itself
+    if model != pin.Model(model):  # a model differs from its copy only if a number is NaN
         problems.append("contains NaN")
     if model.gravity.angular.any():
         problems.append(f"gravity.angular is {model.gravity.angular}; it must be zero")
@@ -337,7 +346,7 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
 
 
 def copied(model: pin.Model) -> pin.Model:
-    """A copy of a model, whose arrays and parents are checked before.
+    """A copy of a model, after a check of the lengths of its arrays and of the parents.
 
     Pinocchio reads past the end of short arrays, and ends the process for wrong parents.
     """
@@ -363,9 +372,9 @@ def copied(model: pin.Model) -> pin.Model:
 
 
 def _impossible_numbers(model: pin.Model) -> list[str]:
-    """Numbers that are not finite, and placements whose matrix is not a rotation.
+    """Problems of the numbers: not finite, too large, or a matrix of a placement is no rotation.
 
-    Estimated masses and rotor inertias may be negative.
+    Negative masses and rotor inertias pass: estimated ones may be negative.
     """
     numbers: list[tuple[str, Array]] = [
         ("gravity", model.gravity.vector),
