@@ -154,37 +154,69 @@ class Mechanism:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read_only(getattr(self, name)))
 
+    # --- the joints and the coordinates -----------------------------------------------------
+
     @cached_property
     def space(self) -> JointSpace:
         """Names and units of q and v."""
         return JointSpace(self.model)
 
     @cached_property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the coordinates: joints, or single rates of a joint."""
+        return self.space.names_of(self.coordinates.tolist())
+
+    @cached_property
+    def coordinate_rate_names(self) -> tuple[str, ...]:
+        """Name of each coordinate's rate, n of them."""
+        return tuple(self.space.rate_names[k] for k in self.coordinates)
+
+    @cached_property
+    def coordinate_rate_units(self) -> tuple[str, ...]:
+        """Unit of each coordinate: "rad" or "m", per second for its rate."""
+        return tuple(self.space.rate_units[k] for k in self.coordinates)
+
+    @cached_property
     def dependent(self) -> Indices:
         """Indices in v of the rates that the closures determine."""
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
-    def usual_size(self, rows: Indices, rates: Indices) -> float:
-        """Size with which `loops.ranks` compares a block of Phi with one dependent rate.
+    @cached_property
+    def selection(self) -> Array:
+        """Rows that pick the coordinates, va = selection v, shape (n, nv)."""
+        return read_only(np.eye(self.model.nv)[self.coordinates])
 
-        Such a block has one column, and so one singular value and the condition number 1 at every
-        configuration. Instead, its singular value is compared with the result: the length at the
-        example of its whole rows, which have entries for all rates. A much smaller singular value
-        means that the block is near a singularity. A block of several dependent rates has a
-        condition number that shows this, so that the result is 0. Free of units.
+    @cached_property
+    def held_in_part(self) -> bool:
+        """Whether some rates of a joint with nq != nv are coordinates, others not.
 
-        Args:
-            rows: Rows of the block.
-            rates: Dependent rates of the block.
+        Such joints are balls, free-flyers and planar joints: their rates are not derivatives of q.
+        What it means to hold such a coordinate depends on the path to a configuration.
         """
-        if len(rates) > 1 or self.row_sizes is None:
-            return 0.0
-        return float(np.linalg.norm(self.row_sizes[rows]))
+        for joint in list(self.model.joints)[1:]:
+            if joint.nv > 1 and joint.nq != joint.nv:
+                rates = range(joint.idx_v, joint.idx_v + joint.nv)
+                is_coordinate = np.isin(rates, self.coordinates)
+                if is_coordinate.any() and not is_coordinate.all():
+                    return True
+        return False
+
+    # --- the motors -------------------------------------------------------------------------
 
     @property
     def motor_count(self) -> int:
         """Number of motors."""
         return len(self.motor_names)
+
+    @cached_property
+    def driven(self) -> Indices:
+        """Indices in v of the rates that motors act on, motor after motor."""
+        rates: list[int] = []
+        for column in self.actuation.T:
+            for rate in np.flatnonzero(column).tolist():
+                if rate not in rates:
+                    rates.append(rate)
+        return read_only(np.array(rates, dtype=np.intp))
 
     @cached_property
     def motor_lines(self) -> Indices:
@@ -195,6 +227,23 @@ class Mechanism:
         for k in np.flatnonzero(alone):
             lines[k] = np.flatnonzero(factors[:, k])[0]
         return read_only(lines)
+
+    @cached_property
+    def driven_one_to_one(self) -> bool:
+        """Whether motor k gives the force of coordinate k, and nothing else."""
+        return np.array_equal(self.actuation, self.selection.T) and not self.lines.actuation.any()
+
+    @cached_property
+    def motor_units(self) -> tuple[str, ...]:
+        """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
+        units = []
+        for column in self.actuation.T:
+            largest = int(np.abs(column).argmax())
+            is_torque = column[largest] != 0 and self.space.rate_units[largest] == "rad"
+            units.append("Nm" if is_torque else "N")
+        return tuple(units)
+
+    # --- closures, springs and weights ------------------------------------------------------
 
     @property
     def brakes(self) -> tuple[Brake, ...]:
@@ -216,11 +265,6 @@ class Mechanism:
         return None
 
     @cached_property
-    def selection(self) -> Array:
-        """Rows that pick the coordinates, va = selection v, shape (n, nv)."""
-        return read_only(np.eye(self.model.nv)[self.coordinates])
-
-    @cached_property
     def possible_springs(self) -> Indices:
         """Indices in v of the rates that can have a spring, as `Springs.check` says."""
         rates: set[int] = set()
@@ -230,70 +274,11 @@ class Mechanism:
         return read_only(np.array(sorted(rates), dtype=np.intp))
 
     @cached_property
-    def driven(self) -> Indices:
-        """Indices in v of the rates that motors act on, motor after motor."""
-        rates: list[int] = []
-        for column in self.actuation.T:
-            for rate in np.flatnonzero(column).tolist():
-                if rate not in rates:
-                    rates.append(rate)
-        return read_only(np.array(rates, dtype=np.intp))
+    def lifted(self) -> dict[int, Array]:
+        """[mass; first moment] without weight, by bodies that lack weight; see `WeightShares`."""
+        return {} if self.weight_shares is None else self.weight_shares.lifted(self.model)
 
-    @cached_property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """Names of the coordinates: joints, or single rates of a joint."""
-        return self.space.names_of(self.coordinates.tolist())
-
-    @cached_property
-    def coordinate_rate_names(self) -> tuple[str, ...]:
-        """Name of each coordinate's rate, n of them."""
-        return tuple(self.space.rate_names[k] for k in self.coordinates)
-
-    @cached_property
-    def coordinate_rate_units(self) -> tuple[str, ...]:
-        """Unit of each coordinate: "rad" or "m", per second for its rate."""
-        return tuple(self.space.rate_units[k] for k in self.coordinates)
-
-    @cached_property
-    def driven_one_to_one(self) -> bool:
-        """Whether motor k gives the force of coordinate k, and nothing else."""
-        return np.array_equal(self.actuation, self.selection.T) and not self.lines.actuation.any()
-
-    @cached_property
-    def held_in_part(self) -> bool:
-        """Whether some rates of a joint with nq != nv are coordinates, others not.
-
-        Such joints are balls, free-flyers and planar joints: their rates are not derivatives of q.
-        What it means to hold such a coordinate depends on the path to a configuration.
-        """
-        for joint in list(self.model.joints)[1:]:
-            if joint.nv > 1 and joint.nq != joint.nv:
-                rates = range(joint.idx_v, joint.idx_v + joint.nv)
-                is_coordinate = np.isin(rates, self.coordinates)
-                if is_coordinate.any() and not is_coordinate.all():
-                    return True
-        return False
-
-    @cached_property
-    def motor_units(self) -> tuple[str, ...]:
-        """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
-        units = []
-        for column in self.actuation.T:
-            largest = int(np.abs(column).argmax())
-            is_torque = column[largest] != 0 and self.space.rate_units[largest] == "rad"
-            units.append("Nm" if is_torque else "N")
-        return tuple(units)
-
-    @cached_property
-    def motor_scale(self) -> Array:
-        """Scale of the motor rates, shape (motors,): rates divided by it are free of units.
-
-        A motor has this rate when one of its joints or lines moves with its own scale: the one for
-        which the product of the motor's factor and this scale is largest.
-        """
-        on_rates = np.abs(self.actuation * self.rate_scale[:, None]).max(axis=0, initial=0.0)
-        on_lines = np.abs(self.lines.actuation * self.length).max(axis=0, initial=0.0)
-        return read_only(np.maximum(on_rates, on_lines))
+    # --- what a computation needs -----------------------------------------------------------
 
     def require_assembly(self) -> None:
         """Raise an error if no configuration with closed loops is known."""
@@ -315,6 +300,8 @@ class Mechanism:
                 f"about these axes, or lock them: ClosedChain(..., locked={[*self.without_mass]})",
                 float("inf"),
             )
+
+    # --- lengths and scales -----------------------------------------------------------------
 
     @cached_property
     def length(self) -> float:
@@ -345,6 +332,31 @@ class Mechanism:
         return lengths
 
     @cached_property
+    def rate_scale(self) -> Array:
+        """Scale of the rates, shape (nv,): v / rate_scale is free of units.
+
+        It is 1 rad/s for rotations and a length of the robot per second for translations.
+        """
+        lengths = np.full(self.model.nv, self.length)
+        for group, length in self._groups:
+            for number in group.joints:
+                joint = self.model.joints[number]
+                lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
+        is_translation = np.array(self.space.rate_units) == "m"
+        return read_only(np.where(is_translation, lengths, 1.0))
+
+    @cached_property
+    def motor_scale(self) -> Array:
+        """Scale of the motor rates, shape (motors,): rates divided by it are free of units.
+
+        A motor has this rate when one of its joints or lines moves with its own scale: the one for
+        which the product of the motor's factor and this scale is largest.
+        """
+        on_rates = np.abs(self.actuation * self.rate_scale[:, None]).max(axis=0, initial=0.0)
+        on_lines = np.abs(self.lines.actuation * self.length).max(axis=0, initial=0.0)
+        return read_only(np.maximum(on_rates, on_lines))
+
+    @cached_property
     def row_scale(self) -> Array:
         """Factors that make the rows of Phi free of units, shape (rows,).
 
@@ -362,11 +374,6 @@ class Mechanism:
         return read_only(1 / np.array(units))
 
     @cached_property
-    def lifted(self) -> dict[int, Array]:
-        """[mass; first moment] without weight, by bodies that lack weight; see `WeightShares`."""
-        return {} if self.weight_shares is None else self.weight_shares.lifted(self.model)
-
-    @cached_property
     def row_lengths(self) -> Array:
         """Length of the loops of each row, also if the row is in radians, shape (rows,), [m]."""
         lengths = list[float]()
@@ -374,16 +381,19 @@ class Mechanism:
             lengths += [self._length_of_closure[closure]] * len(closure.rows)
         return read_only(np.array(lengths, dtype=float))
 
-    @cached_property
-    def rate_scale(self) -> Array:
-        """Scale of the rates, shape (nv,): v / rate_scale is free of units.
+    def usual_size(self, rows: Indices, rates: Indices) -> float:
+        """Size with which `loops.ranks` compares a block of Phi with one dependent rate.
 
-        It is 1 rad/s for rotations and a length of the robot per second for translations.
+        Such a block has one column, and so one singular value and the condition number 1 at every
+        configuration. Instead, its singular value is compared with the result: the length at the
+        example of its whole rows, which have entries for all rates. A much smaller singular value
+        means that the block is near a singularity. A block of several dependent rates has a
+        condition number that shows this, so that the result is 0. Free of units.
+
+        Args:
+            rows: Rows of the block.
+            rates: Dependent rates of the block.
         """
-        lengths = np.full(self.model.nv, self.length)
-        for group, length in self._groups:
-            for number in group.joints:
-                joint = self.model.joints[number]
-                lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
-        is_translation = np.array(self.space.rate_units) == "m"
-        return read_only(np.where(is_translation, lengths, 1.0))
+        if len(rates) > 1 or self.row_sizes is None:
+            return 0.0
+        return float(np.linalg.norm(self.row_sizes[rows]))
