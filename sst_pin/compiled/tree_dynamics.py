@@ -210,7 +210,7 @@ class TreeDynamics:
                 numbers = self._parameters.body(self._p, body + 1)
                 if numbers is not None:
                     mass, c, _ = numbers
-                    W = sx(weight_shares.without_weight(body))
+                    W = sx(weight_shares.weightless_factor(body))
                     without_weight = W @ ca.vertcat(mass, c)
                     lifted[body + 1] = without_weight[0], without_weight[1:]
         return lifted

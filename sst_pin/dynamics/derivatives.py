@@ -187,7 +187,7 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
 def _lifts(tree: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
     """Forces that cancel the part of the weights that does not act, as a load on their bodies.
 
-    `lifted` is `Mechanism.lifted`: [mass; first moment] of this part, by the indices of the bodies.
+    `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of the bodies.
     """
     joints = [loops.tree.bodies[1 + body] for body in lifted]
     frames = tree.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
@@ -429,7 +429,7 @@ class Derivatives:
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
         if mechanism.weight_shares is not None:
-            loads.append(_lifts(tree, context.loops, mechanism.lifted))
+            loads.append(_lifts(tree, context.loops, mechanism.weightless_parts))
 
         # Partial derivatives of F - Phi^T lambda.
         of_tree = self._tree_partials(v, v_dot, loads)

@@ -218,7 +218,7 @@ class Context:
         axes; see `weight_shares`.
         """
         lifts = [pin.Force.Zero() for _ in range(self.tree.model.njoints)]
-        for body, without_weight in self.mechanism.lifted.items():
+        for body, without_weight in self.mechanism.weightless_parts.items():
             joint = self.tree.bodies[body + 1]
             g = self.data.oMi[joint].rotation.T @ self.mechanism.model.gravity.linear
             mass, moment = without_weight[0], without_weight[1:]

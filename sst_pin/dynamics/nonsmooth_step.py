@@ -222,7 +222,7 @@ class NonsmoothStep:
         after, x, residual = impulses(implicit_inertia, free, rows, start)
         x[self._rows.parts.cables] += h * cables.constant_pulls  # their rows have no impulses
         v = begin.L @ after
-        ahead = mechanism.space.normalised(q + h * mechanism.space.coordinate_rates(q, v))
+        ahead = mechanism.space.normalised(q + h * mechanism.space.q_dot(q, v))
         end = self._context.without_slip.assemble(ahead, mechanism.dependent)
         return Step(end, after, v, x, residual)
 

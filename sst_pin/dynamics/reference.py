@@ -330,7 +330,7 @@ class Reference(threading.local):
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
         energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
         # Less the part of the weights that does not act, by its first moment about the origin.
-        for body, (mass, *moment) in self.mechanism.lifted.items():
+        for body, (mass, *moment) in self.mechanism.weightless_parts.items():
             placement = context.data.oMi[context.tree.bodies[body + 1]]
             at_origin = mass * placement.translation + placement.rotation @ moment
             energy += at_origin.dot(model.gravity.linear)

@@ -252,7 +252,7 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
         of_weights = S.dot(L).T.dot(Y_weights).reshape(by_body.shape)
         for body in weight_shares.bodies:
             k = tree.bodies[body + 1] - 1
-            by_body[:, k, :4] -= of_weights[:, k, :4].dot(weight_shares.without_weight(body))
+            by_body[:, k, :4] -= of_weights[:, k, :4].dot(weight_shares.weightless_factor(body))
     order = np.array(tree.bodies[1:]) - 1  # the robot's bodies among those of the normal tree
     return by_body[:, order].reshape(n, len(order) * len(OF_BODY))
 

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -88,9 +89,10 @@ class Springs:
     def forces(self, model: pin.Model, q: Array) -> Array:
         """-k times the displacement from the reference, shape (nv,).
 
-        This is minus the gradient of the energy, for balls too: their displacement d is the vector
-        of a rotation, and the Jacobian J of d leaves it unchanged, J^T d = d. `check` refuses the
-        joints for which this does not hold.
+        This is minus the gradient of the energy, for balls too. The displacement d of a ball is the
+        rotation vector, d_dot = J omega, and the gradient of k d^T d / 2 is k J^T d. It equals k d,
+        because a rotation does not change its own axis: J^T d = d. `check` refuses the joints for
+        which this does not hold.
         """
         return -self.stiffness * pin.difference(model, self.reference, q)
 
@@ -107,16 +109,27 @@ class Springs:
         problems = []
         for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
             k = self.stiffness[joint.idx_v : joint.idx_v + joint.nv]
-            rates_are_derivatives_of_q = joint.nv in (1, joint.nq)
-            is_ball = joint.shortname() == "JointModelSpherical"
-            has_potential = rates_are_derivatives_of_q or (is_ball and np.ptp(k) == 0)
-            if k.any() and not has_potential:
+            is_ball_with_one_stiffness = _is_ball(joint) and np.ptp(k) == 0
+            has_energy = _rate_is_that_of_displacement(joint) or is_ball_with_one_stiffness
+            if k.any() and not has_energy:
                 problems.append(
                     f"joint {name}: a spring is not supported here; of joints with quaternions "
                     "only balls can have one, with the same stiffness in all directions"
                 )
         if problems:
             raise DescriptionError(f"model {model.name}", problems)
+
+
+def _rate_is_that_of_displacement(joint: Any) -> bool:
+    """Whether v is the rate of the displacement that `pin.difference` computes.
+
+    It is for joints of one rate, continuous ones included, and for joints with q_dot = v.
+    """
+    return joint.nv in (1, joint.nq)
+
+
+def _is_ball(joint: Any) -> bool:
+    return bool(joint.shortname() == "JointModelSpherical")
 
 
 @dataclass(frozen=True)
@@ -142,11 +155,11 @@ class Mechanism:
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None
-    #: Length of each row of Phi at the example, free of units, shape (rows,). It is 0 for rows of
-    #: couplings that are constant: they never come near a singularity. See `usual_size`.
+    #: Length of each row of Phi at the example, free of units, shape (rows,), for `usual_size`. It
+    #: is 0 for couplings with constant coefficients, which never come near a singularity.
     row_sizes: Array | None = None
-    #: Names of rates that move no mass, so that the mass matrix is singular. They are coordinates.
-    #: If the coordinates are singular at the example, other independent rates replace them here.
+    #: Names of the coordinates that move no mass, so that the mass matrix is singular. If the
+    #: coordinates are singular at the example, names of other rates that describe these motions.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -235,7 +248,7 @@ class Mechanism:
 
     @cached_property
     def motor_units(self) -> tuple[str, ...]:
-        """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
+        """Unit of each motor: "Nm" or "N", by its rate with the largest factor; on lines "N"."""
         units = []
         for column in self.actuation.T:
             largest = int(np.abs(column).argmax())
@@ -269,14 +282,14 @@ class Mechanism:
         """Indices in v of the rates that can have a spring, as `Springs.check` says."""
         rates: set[int] = set()
         for joint in list(self.model.joints)[1:]:
-            if joint.nv in (1, joint.nq) or joint.shortname() == "JointModelSpherical":
+            if _rate_is_that_of_displacement(joint) or _is_ball(joint):
                 rates.update(range(joint.idx_v, joint.idx_v + joint.nv))
         return read_only(np.array(sorted(rates), dtype=np.intp))
 
     @cached_property
-    def lifted(self) -> dict[int, Array]:
-        """[mass; first moment] without weight, by bodies that lack weight; see `WeightShares`."""
-        return {} if self.weight_shares is None else self.weight_shares.lifted(self.model)
+    def weightless_parts(self) -> dict[int, Array]:
+        """See `WeightShares.weightless_parts`; empty if all bodies have their whole weight."""
+        return {} if self.weight_shares is None else self.weight_shares.weightless_parts(self.model)
 
     # --- what a computation needs -----------------------------------------------------------
 
@@ -310,17 +323,25 @@ class Mechanism:
         It does not depend on where the robot stands in the world.
         """
         joints = range(1, self.model.njoints)
-        lengths = [length for _, length in self._groups]
+        lengths = [length for _, length in self._offsets_of_groups]
         offset = longest_offset(self.model, joints, self.closures, ground=False)
         return max([offset, *lengths]) or 1.0
 
     @cached_property
-    def _groups(self) -> list[tuple[LoopGroup, float]]:
-        """Each group of loops that share joints, and its length, [m]."""
+    def _offsets_of_groups(self) -> list[tuple[LoopGroup, float]]:
+        """Each group of loops that share joints, and its largest offset, [m].
+
+        The offset is 0 if all axes meet in one point, as in a spherical linkage.
+        """
         groups = []
         for group in loop_groups(self.model, self.closures):
             groups.append((group, longest_offset(self.model, group.joints, group.closures)))
         return groups
+
+    @cached_property
+    def _groups(self) -> list[tuple[LoopGroup, float]]:
+        """Each group of loops, and its length, [m]: its largest offset, or the robot's length."""
+        return [(group, offset or self.length) for group, offset in self._offsets_of_groups]
 
     @cached_property
     def _length_of_closure(self) -> dict[Constraint, float]:
@@ -328,20 +349,21 @@ class Mechanism:
         lengths: dict[Constraint, float] = {}
         for group, length in self._groups:
             for closure in group.closures:
-                lengths[closure] = length or self.length
+                lengths[closure] = length
         return lengths
 
     @cached_property
     def rate_scale(self) -> Array:
         """Scale of the rates, shape (nv,): v / rate_scale is free of units.
 
-        It is 1 rad/s for rotations and a length of the robot per second for translations.
+        It is 1 rad/s for rotations. For translations it is the length of the joint's loops, or of
+        the robot for a joint outside loops, per second.
         """
         lengths = np.full(self.model.nv, self.length)
         for group, length in self._groups:
             for number in group.joints:
                 joint = self.model.joints[number]
-                lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
+                lengths[joint.idx_v : joint.idx_v + joint.nv] = length
         is_translation = np.array(self.space.rate_units) == "m"
         return read_only(np.where(is_translation, lengths, 1.0))
 
@@ -349,8 +371,8 @@ class Mechanism:
     def motor_scale(self) -> Array:
         """Scale of the motor rates, shape (motors,): rates divided by it are free of units.
 
-        A motor has this rate when one of its joints or lines moves with its own scale: the one for
-        which the product of the motor's factor and this scale is largest.
+        A motor on several joints or lines has a factor for each. Its scale is the largest product
+        of a factor and the scale of the joint or line.
         """
         on_rates = np.abs(self.actuation * self.rate_scale[:, None]).max(axis=0, initial=0.0)
         on_lines = np.abs(self.lines.actuation * self.length).max(axis=0, initial=0.0)
@@ -382,13 +404,12 @@ class Mechanism:
         return read_only(np.array(lengths, dtype=float))
 
     def usual_size(self, rows: Indices, rates: Indices) -> float:
-        """Size with which `loops.ranks` compares a block of Phi with one dependent rate.
+        """Size that shows whether a block of Phi with one dependent rate is nearly singular.
 
-        Such a block has one column, and so one singular value and the condition number 1 at every
-        configuration. Instead, its singular value is compared with the result: the length at the
-        example of its whole rows, which have entries for all rates. A much smaller singular value
-        means that the block is near a singularity. A block of several dependent rates has a
-        condition number that shows this, so that the result is 0. Free of units.
+        The condition number of a block with several dependent rates shows this, and the result is
+        0. A block with one rate is a column: its condition number is 1 at every configuration. So
+        `loops.ranks` compares its only singular value with the result, which is the length of the
+        same rows at the example, with their entries for all rates. It is free of units.
 
         Args:
             rows: Rows of the block.

@@ -4,9 +4,11 @@
 Some programs switch gravity off for single links, or compensate a share of their weights. A link
 with the mass m and the mass centre c then has the weight s m g at c, with its share s.
 
-Several links that are fixed to each other are one body, and their shares may differ. The weight of
-a body is therefore s m g, and its first moment is s m c + m d, with a share s and an offset d of
-the body. This is linear in the mass and the first moment m c of the body, and so are the forces.
+Several links that are fixed to each other are one body, and their shares may differ. With the mass
+m and the mass centre c of the body, its weight is s m g, where s is the mean share. But this weight
+does not act at c. Its first moment about the origin is s m c + m d, with an offset d [m] of the
+body. Weight and first moment are linear in the mass m and the first moment m c of the body, and so
+are the forces.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,9 +22,10 @@ from ..arrays import Array, as_array, read_only, single_array
 from ..errors import InputError
 from .tree import joint_id
 
-#: The share of a body, or its share and the three components of its offset, [m].
+#: The share s of a body, or [s, d_x, d_y, d_z] with the offset d in the axes of its joint, [m].
 Share = float | Sequence[float]
 
+#: [s, d_x, d_y, d_z] of a body with its whole weight.
 _WHOLE = np.array([1.0, 0, 0, 0])
 _NO_OFFSET = read_only(np.zeros(3))  # all links without an offset share it
 
@@ -34,8 +37,9 @@ class Link(NamedTuple):
         joint: Number of the joint that moves it.
         mass: [kg].
         center: Its mass centre in the frame of the joint, shape (3,), [m].
-        share: The share of its weight.
-        offset: The offset of its weight, axes of the joint, shape (3,), [m].
+        share: The share s of its weight.
+        offset: The offset d of its weight, axes of the joint, shape (3,), [m]. It is zero for a
+            single link; a link that was a body of several links may have one.
     """
 
     joint: int
@@ -50,9 +54,9 @@ class WeightShares:
     """Shares of all bodies, in the order of the joints; arrays are read-only.
 
     Attributes:
-        shares: 1 for the whole weight, shape (r,).
-        offsets: The first moment of the weight about the mass centre, divided by the mass of the
-            body and g, in the axes of the joint, shape (r, 3), [m].
+        shares: The share s of each body, 1 for the whole weight, shape (r,).
+        offsets: The offset d of each body in the axes of its joint, shape (r, 3), [m]: the first
+            moment of its weight about its mass centre, divided by m and g.
     """
 
     shares: Array
@@ -68,35 +72,40 @@ class WeightShares:
         differ = (self.shares != 1) | self.offsets.any(axis=1)
         return [int(body) for body in np.flatnonzero(differ)]
 
-    def without_weight(self, body: int) -> Array:
-        """W, shape (4, 4): [mass; first moment] without weight are W [mass; first moment].
+    def weightless_factor(self, body: int) -> Array:
+        """W, shape (4, 4): W [m; m c] is the part of [m; m c] of a body on which no weight acts.
 
-        The first moments are about the origin and in the axes of the joint. The weight of the body
-        is that of its mass and its first moment less those without weight.
+        The first moment m c is about the origin and in the axes of the joint.
         """
+        # Mass: m - s m = (1 - s) m. First moment: m c - (s m c + m d) = (1 - s) m c - m d.
         W = (1 - self.shares[body]) * np.eye(4)
         W[1:, 0] = -self.offsets[body]
         return W
 
-    def lifted(self, model: pin.Model) -> dict[int, Array]:
-        """[mass; first moment] without weight by body, each of shape (4,), [kg], [kg m]."""
-        return {
-            body: self.without_weight(body) @ model.inertias[body + 1].toDynamicParameters()[:4]
-            for body in self.bodies
-        }
+    def weightless_parts(self, model: pin.Model) -> dict[int, Array]:
+        """Mass and first moment on which no weight acts, of each body that lacks weight.
+
+        They are [mass; first moment], shape (4,), [kg] and [kg m], by the index of the body from 0.
+        """
+        parts = dict[int, Array]()
+        for body in self.bodies:
+            mass_and_moment = model.inertias[body + 1].toDynamicParameters()[:4]
+            parts[body] = self.weightless_factor(body) @ mass_and_moment
+        return parts
 
 
 def weight_shares_of(model: pin.Model, shares: Mapping[str, Array]) -> WeightShares | None:
-    """The shares by the names of joints, as `checked_shares` gives them, for all bodies.
+    """The shares of all bodies; None if all have their whole weight.
 
-    The result is None if all bodies have their whole weights.
+    `shares` are results of `checked_shares`, by the names of joints. Other bodies have their whole
+    weight.
     """
-    rows = np.tile(_WHOLE, (model.njoints - 1, 1))
-    for name, row in shares.items():
-        rows[joint_id(model, name) - 1] = row
-    if (rows == _WHOLE).all():
+    of_bodies = np.tile(_WHOLE, (model.njoints - 1, 1))
+    for name, share_and_offset in shares.items():
+        of_bodies[joint_id(model, name) - 1] = share_and_offset
+    if (of_bodies == _WHOLE).all():
         return None
-    return WeightShares(rows[:, 0], rows[:, 1:])
+    return WeightShares(of_bodies[:, 0], of_bodies[:, 1:])
 
 
 def shares_by_name(model: pin.Model, shares: WeightShares | None) -> dict[str, Share]:
@@ -111,45 +120,45 @@ def shares_by_name(model: pin.Model, shares: WeightShares | None) -> dict[str, S
 
 
 def checked_shares(shares: Mapping[str, Share] | object) -> dict[str, Array]:
-    """Share and offset of each body that is named, shape (4,)."""
+    """[share; offset] of each body that is named, shape (4,), by the names of joints."""
     if not isinstance(shares, Mapping):
         problem = f'{shares!r}: a mapping of names to shares is needed, such as {{"crank": 0.0}}'
         raise InputError("weight_shares", problem)
     checked = dict[str, Array]()
     for name, share in shares.items():
-        row = _WHOLE.copy()
+        share_and_offset = _WHOLE.copy()
         numbers = as_array(f"weight_shares {name}", share, ())
         if numbers.ndim:
-            row[:] = single_array(f"weight_shares {name}", numbers, (4,))
+            share_and_offset[:] = single_array(f"weight_shares {name}", numbers, (4,))
         else:
-            row[0] = single_array(f"weight_shares {name}", numbers, ())
-        checked[name] = row
+            share_and_offset[0] = single_array(f"weight_shares {name}", numbers, ())
+        checked[name] = share_and_offset
     return checked
 
 
 def shares_of_links(model: pin.Model, links: Iterable[Link]) -> dict[str, Array]:
-    """Share and offset of the bodies of which some link lacks weight, by the names of joints.
+    """[share; offset] of the bodies that lack weight, shape (4,), by the names of joints.
 
-    `links` are all links of these bodies that have mass. Links of the base do not count.
+    `links` must contain all links with mass of these bodies. Links of the base are left out.
     """
-    by_joint = dict[int, list[Link]]()
+    links_by_joint = dict[int, list[Link]]()
     for link in links:
         if link.joint and link.mass:
-            by_joint.setdefault(link.joint, []).append(link)
+            links_by_joint.setdefault(link.joint, []).append(link)
     shares = dict[str, Array]()
-    for joint, of_body in sorted(by_joint.items()):
-        rows = {(link.share, *link.offset) for link in of_body}
-        if len(rows) == 1:  # exactly the same, without rounding
-            row = np.array(rows.pop())
+    for joint, links_of_body in sorted(links_by_joint.items()):
+        different = {(link.share, *link.offset) for link in links_of_body}
+        if len(different) == 1:  # equal shares stay exactly as they are, without rounding
+            share_and_offset = np.array(different.pop())
         else:
-            row = _together(model.names[joint], of_body)
-        if (row != _WHOLE).any():
-            shares[model.names[joint]] = row
+            share_and_offset = _mean_share(model.names[joint], links_of_body)
+        if (share_and_offset != _WHOLE).any():
+            shares[model.names[joint]] = share_and_offset
     return shares
 
 
-def _together(joint: str, links: Sequence[Link]) -> Array:
-    """Share and offset of the body of a joint that consists of links."""
+def _mean_share(joint: str, links: Sequence[Link]) -> Array:
+    """[share; offset] of the body of a joint that consists of several links, shape (4,)."""
     mass = sum(link.mass for link in links)
     if not mass:
         problem = (
@@ -158,7 +167,7 @@ def _together(joint: str, links: Sequence[Link]) -> Array:
         raise InputError("weight_shares", problem)
     center = sum((link.mass * link.center for link in links), np.zeros(3)) / mass
     weight = sum(link.share * link.mass for link in links)
-    # The first moment of the weight about the mass centre of the body.
+    # The first moment of the weight about the mass centre of the body, divided by g.
     moment = np.zeros(3)
     for link in links:
         moment += link.mass * (link.share * (link.center - center) + link.offset)
