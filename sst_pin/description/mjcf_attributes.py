@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Attributes of elements of an MJCF, and limits beyond which numbers are left out."""
+"""Attributes of elements of an MJCF."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,8 +9,6 @@ import pinocchio as pin
 
 from .urdf_writer import numbers
 
-#: Larger limits are left out.
-FAR = 1e9
 #: Kinds of MuJoCo's joints with one rate.
 SINGLE = ("hinge", "slide")
 

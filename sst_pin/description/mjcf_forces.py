@@ -6,10 +6,11 @@ from xml.etree.ElementTree import SubElement
 import numpy as np
 import pinocchio as pin
 
+from ..model.conventions import NO_LIMIT
 from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
-from .mjcf_attributes import FAR, pose_attributes
+from .mjcf_attributes import pose_attributes
 from .mjcf_document import MjcfDocument
 from .urdf_writer import numbers
 
@@ -43,9 +44,9 @@ def _add_line(document: MjcfDocument, line: LineForce) -> None:
         attributes["frictionloss"] = numbers([line.coulomb_friction])
     if line.mass:
         attributes["armature"] = numbers([line.mass])
-    if line.lower or line.upper < FAR:
-        attributes["range"] = numbers([line.lower, min(line.upper, FAR)])
-    if line.velocity < FAR:
+    if line.lower or line.upper < NO_LIMIT:
+        attributes["range"] = numbers([line.lower, min(line.upper, NO_LIMIT)])
+    if line.velocity < NO_LIMIT:
         document.notes.append(f"line {line}: its largest velocity is left out")
     if line.mass and _joins_branches(document.model, line):
         text = "its mass: MuJoCo leaves out the inertia of a tendon between two branches"
@@ -95,7 +96,7 @@ def _motor_on_line(
         attributes["gear"] = numbers([factor])
         text = "its factor is a gear; from_mjcf reads a motor with the factor 1"
         document.notes.append(f"motor {motor}: {text}")
-    if line.effort < FAR:
+    if line.effort < NO_LIMIT:
         largest = line.effort / abs(factor)
         attributes["ctrlrange"] = numbers([-largest, largest])
     return attributes
@@ -105,7 +106,7 @@ def _motor_in_joint(mechanism: Mechanism, joint: str, rate: int) -> dict[str, st
     """Attributes of a motor in a hinge or a slide."""
     attributes = {"joint": joint}
     effort = float(mechanism.model.upperEffortLimit[rate])
-    if 0 < effort < FAR:
+    if 0 < effort < NO_LIMIT:
         attributes["ctrlrange"] = numbers([-effort, effort])
     return attributes
 

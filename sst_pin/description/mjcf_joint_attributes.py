@@ -9,8 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..arrays import Array
+from ..model.conventions import NO_LIMIT
 from ..model.mechanism import Mechanism
-from .mjcf_attributes import FAR, SINGLE
+from .mjcf_attributes import SINGLE
 from .mjcf_joints import MjcfJoint
 from .urdf_writer import numbers
 
@@ -75,8 +76,10 @@ def _limits(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
     lower = model.lowerPositionLimit[joint.entries]
     upper = model.upperPositionLimit[joint.entries]
     # A continuous joint has two entries, cosine and sine, and no range.
-    if len(lower) == 1 and min(abs(lower[0]), abs(upper[0])) < FAR:
-        limits["range"] = numbers([lower[0].clip(-FAR, FAR), upper[0].clip(-FAR, FAR)])
+    if len(lower) == 1 and min(abs(lower[0]), abs(upper[0])) < NO_LIMIT:
+        limits["range"] = numbers(
+            [lower[0].clip(-NO_LIMIT, NO_LIMIT), upper[0].clip(-NO_LIMIT, NO_LIMIT)]
+        )
     effort = _shared_effort(mechanism, int(joint.rates[0]))
     if effort:
         limits["actuatorfrcrange"] = numbers([-effort, effort])
@@ -91,6 +94,6 @@ def _shared_effort(mechanism: Mechanism, rate: int) -> float:
     motors = mechanism.actuation  # shape (nv, motors)
     acts_on_several = (motors != 0).sum(axis=0) > 1
     limit = float(mechanism.model.upperEffortLimit[rate])
-    if motors[rate, acts_on_several].any() and 0 < limit < FAR:
+    if motors[rate, acts_on_several].any() and 0 < limit < NO_LIMIT:
         return limit
     return 0.0

@@ -187,7 +187,8 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
 def _lifts(tree: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
     """Forces that cancel the part of the weights that does not act, as a load on their bodies.
 
-    `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of the bodies.
+    `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of
+    the bodies.
     """
     joints = [loops.tree.bodies[1 + body] for body in lifted]
     frames = tree.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])

@@ -34,14 +34,12 @@ from ..loops.line_kinematics import LineKinematics
 from ..loops.loops import Loops
 from ..loops.ranks import independent_rows
 from ..loops.vectors import cross
+from ..model.conventions import EARTH_GRAVITY
 from ..model.dry_friction import sign_of
 from ..model.mechanism import Friction, Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
 from ..summaries import Summary, as_html, as_text
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
-
-#: In `force_sizes`, each body contributes at least its weight with this gravity, [m/s^2].
-_EARTH = 9.81
 
 
 @dataclass(frozen=True, repr=False)
@@ -331,7 +329,7 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     # the last one.
     sizes = np.abs(on_bodies).reshape(-1, r, 2, 3).sum(axis=(0, 3))
     moments = sizes[:, 0]
-    forces = sizes[:, 1] + _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
+    forces = sizes[:, 1] + EARTH_GRAVITY * np.abs([body.mass for body in list(model.inertias)[1:]])
 
     # Sizes of the bodies' angular and linear velocities at the rate 1 of each joint, shape (r, nv).
     twists = np.linalg.norm(K.reshape(r, 2, 3, -1), axis=2)

@@ -12,6 +12,7 @@ from ..arrays import Array, whole_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
 from ..errors import ClosureError, SingularConfigurationError
+from ..model.conventions import EARTH_GRAVITY
 
 #: Largest condition number of a random configuration.
 _REGULAR = 1e2
@@ -78,7 +79,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         raise ClosureError(text, float("inf"))
 
     # Rates and accelerations of a robot that gravity moves over its length l: v^2 / l = g.
-    per_second_squared = 9.81 / mechanism.length
+    per_second_squared = EARTH_GRAVITY / mechanism.length
     va, aa = random.normal(size=(2, count, len(units))) * units
     return np.array(configurations), va * np.sqrt(per_second_squared), aa * per_second_squared
 

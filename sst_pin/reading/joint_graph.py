@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from .joint_numbers import FAR
+from ..model.conventions import NO_LIMIT
 from .problems import Problem, warning
 from .tool_elements import SPRINGS
 
@@ -275,7 +275,9 @@ class JointGraph:
         if joint.kind == "universal" and abs(cosine) > _ORTHOGONAL:
             texts.append("its axes are not at a right angle")
         self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in texts]
-        if any(axis.limit["lower"] > -FAR or axis.limit["upper"] < FAR for axis in joint.axes):
+        if any(
+            axis.limit["lower"] > -NO_LIMIT or axis.limit["upper"] < NO_LIMIT for axis in joint.axes
+        ):
             text = "limits of a joint that closes a loop are ignored"
             self.notes.append(warning(f"joint {joint.name}", text))
 
@@ -351,13 +353,13 @@ def _add_numbers(element: ET.Element, axis: Axis, *, may_be_continuous: bool) ->
     """
     lower = axis.limit["lower"]
     upper = axis.limit["upper"]
-    is_unlimited = lower <= -FAR and upper >= FAR
+    is_unlimited = lower <= -NO_LIMIT and upper >= NO_LIMIT
     if may_be_continuous and element.get("type") == "revolute" and is_unlimited:
         element.set("type", "continuous")
-    limit = {"lower": max(lower, -FAR), "upper": min(upper, FAR)}
+    limit = {"lower": max(lower, -NO_LIMIT), "upper": min(upper, NO_LIMIT)}
     for key in ("effort", "velocity"):
         value = axis.limit.get(key, 0.0)
-        limit[key] = value if 0 < value < FAR else 0.0
+        limit[key] = value if 0 < value < NO_LIMIT else 0.0
     ET.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
     friction = {
         key: repr(value) for key, value in axis.dynamics.items() if not key.startswith("spring")

@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import DescriptionError
+from ..model.conventions import NO_LIMIT
 from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
-from .joint_numbers import FAR
 from .problems import Problem, number, numbers, warning
 
 #: Joints of Pinocchio in series, by suffix. Their names are the name of the joint in the URDF with
@@ -171,7 +171,7 @@ def lost_limits(
             lost.append(f"of {lower:g} to {upper:g}")
         for key in ("effort", "velocity"):
             value = number(limit, key) or 0.0
-            if 0 < value < FAR and not has_axis:  # zero is no limit
+            if 0 < value < NO_LIMIT and not has_axis:  # zero is no limit
                 lost.append(f"{key} {value:g}")
         if lost:
             text = f"its limits {', '.join(lost)} are not used: it is {kind} in the YAML and has "

@@ -18,8 +18,6 @@ JointNumbers = Mapping[str, Mapping[str, float]]
 #: Limits of joints with one position: the least and the largest position, the largest force or
 #: torque of the motor, and the largest rate.
 LIMITS = ("lower", "upper", "effort", "velocity")
-#: A limit of at least this number means "no limit", in any unit. Files have such limits up to 1e16.
-FAR = 1e9
 
 
 def combined_numbers(

@@ -17,8 +17,8 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..model.closures import Coupling
+from ..model.conventions import NO_LIMIT
 from .cut_joints import CutJoint, Side, cut_joint
-from .joint_numbers import FAR
 from .problems import (
     Problem,
     attribute,
@@ -277,7 +277,7 @@ def _ignored_limits(element: ET.Element, name: str) -> Iterator[Problem]:
     for text in texts:
         position = numbers(text, 1)
         # Tools write zero, too, if there is no limit.
-        if position is not None and 0 < abs(position[0]) < FAR:
+        if position is not None and 0 < abs(position[0]) < NO_LIMIT:
             where = f"{element.tag} {name}"
             yield warning(where, "limits of a joint that closes a loop are ignored")
             return

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..model.checks import Motor, tendon_of
+from ..model.conventions import NO_LIMIT
 from ..model.lines import LineForce
-from .joint_numbers import FAR
 from .mjcf_compiled import Compiled
 from .robot_file import naming
 
@@ -136,7 +136,7 @@ def _line(
             coulomb_friction=force.dry_friction,
             mass=force.mass,
             lower=max(lower, 0.0),
-            upper=upper if upper < FAR else np.inf,
+            upper=upper if upper < NO_LIMIT else np.inf,
             effort=effort,
             pulls_only=bool(force.stiffness and shortest != longest),
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from ..summaries import listed
 from .problems import Problem, warning
 
-#: Limit of a joint that has none, [rad] or [m].
+#: Limit of a joint that has none, [rad] or [m]: `model.conventions.NO_LIMIT` as a text.
 WIDE = "1e9"
 
 

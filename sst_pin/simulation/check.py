@@ -13,14 +13,13 @@ import numpy as np
 
 from ..arrays import Array, Flags, single_array
 from ..engine import Engine
+from ..model.conventions import NO_LIMIT
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
 from .trajectories import Trajectory, require_motion
 
 #: A configuration with a larger condition number of the dependent joints is close to a singularity.
 LARGEST_CONDITION = 1e3
-#: A larger limit is no limit: URDF files write large numbers for joints without a limit.
-FAR = 1e9
 #: A force or a rate may exceed its limit by this part of it, which is rounding.
 _ROUNDING = 1e-9
 
@@ -172,7 +171,7 @@ def _condition_numbers(engine: Engine, q: Array) -> Array:
 def _limits(numbers: Sequence[float] | Array) -> Array:
     """Limits of efforts or velocities, infinite where a file writes zero or more than `FAR`."""
     values = np.array(numbers, dtype=float)
-    return np.where((values > 0) & (values < FAR), values, np.inf)
+    return np.where((values > 0) & (values < NO_LIMIT), values, np.inf)
 
 
 def _beyond(

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
+from ..model.conventions import EARTH_GRAVITY
 from ..simulation.check import LARGEST_CONDITION, limit_tolerances
 from .curve_sets import torques_of
 from .robot_scene import Scene
@@ -20,8 +21,6 @@ from .scene_parts import ForceArrow, TorqueArrow
 
 #: Limits beyond this are no limits, [rad], [m], [N m] or [N]: files write 1e9 or 1e30 for none.
 _FAR = 1e6
-#: Acceleration by which the times of a page scale without gravity, [m/s^2]: that on Earth.
-_ON_EARTH = 9.81
 
 
 def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
@@ -29,7 +28,8 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     mechanism = robot.mechanism
     model = mechanism.model
     space = mechanism.space
-    gravity = float(np.linalg.norm(model.gravity.linear)) or _ON_EARTH
+    # The times of the page scale with gravity.
+    gravity = float(np.linalg.norm(model.gravity.linear)) or EARTH_GRAVITY
     weight = gravity * sum(body.mass for body in model.inertias)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
     # Infinite limits become finite: infinity times a factor of zero is not a number.
