@@ -37,13 +37,16 @@ from .model.thresholds import (
 from .progress import counted
 
 #: Condition number above which steps of fixed length change their coordinates: they do not get
-#: shorter near a dead point. At 20, errors of a five-bar that often passes dead points are almost
-#: three times as large; at 1 they are hardly smaller.
+#: shorter near a dead point. A choice: at 20, errors of a five-bar that often passes dead points
+#: are almost three times as large; at 1 they are hardly smaller.
 LARGEST_AT_FIXED_STEP = 10.0
-#: The coordinates are judged at parts of a step in which no joint moves more, [rad] or robot
-#: lengths.
+#: The coordinates are judged at the ends of parts of a step, in which no joint moves by more than
+#: this, [rad] or robot lengths. Near a dead point the condition number is about 1 / d at the
+#: distance d, so that it is above `LARGEST_AT_FIXED_STEP` over a length of about 0.2: parts of 0.05
+#: do not pass over it.
 _PART_OF_STEP = 0.05
-#: The most parts of a step.
+#: The most parts of a step, which limit its cost. A step longer than 0.2 may pass over a dead point
+#: unnoticed here; `require_continuous` then refuses it.
 _MOST_PARTS = 4
 #: The text of a `StepError` for a motion that diverges.
 NOT_FINITE = "a number is not finite; a shorter step may help"
@@ -55,7 +58,7 @@ WrenchesOfMotion = Callable[[Array], Array | None]
 
 
 class StepError(SSTError):
-    """A step of fixed length fails; the text says why."""
+    """A step of fixed length failed; the text says why."""
 
 
 class RolloutEnd(NamedTuple):
@@ -71,12 +74,12 @@ class RolloutEnd(NamedTuple):
 
 
 class _PositionDerivatives(NamedTuple):
-    """Derivatives of q and q_dot by displacements x of the coordinates.
+    """Derivatives of q and q_dot by displacements x of the coordinates, with closed loops.
 
     Attributes:
         q_by_x: dq/dx, shape (nq, n).
         x_by_q: dx/dq, shape (n, nq).
-        q_dot_by_x: Derivatives of q_dot, with constant rates va, shape (nq, n).
+        q_dot_by_x: d(q_dot)/dx for constant rates va, shape (nq, n).
     """
 
     q_by_x: Array
@@ -87,8 +90,8 @@ class _PositionDerivatives(NamedTuple):
 class StateSpace:
     """The state space of one mechanism in one choice of coordinates, by the reference path.
 
-    States are y = (q, va), shape (nq + n,) or (N, nq + n). Their loops are nearly closed, and their
-    quaternions have almost length one.
+    States are y = (q, va), shape (nq + n,) or (N, nq + n). Integrators make them: so their loops
+    are nearly closed, and their quaternions have almost length one.
 
     `compiled_states.CompiledStateSpace` derives from this class. Its kernels compute the same as
     `closed`, `rate`, `_rate_at_closed`, `_acceleration_derivatives` and `rollout`. It calls these
@@ -116,7 +119,10 @@ class StateSpace:
     # --- the equations of motion ------------------------------------------------------------
 
     def closed(self, states: Array) -> Array:
-        """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
+        """q of states with closed loops, shape (..., nq): only dependent joints are moved.
+
+        Wheels roll without slip as they are moved.
+        """
         if states.ndim == 2:
             return np.array([self.closed(state) for state in states])
         q = self._mechanism.space.normalised(states[: self._nq])
@@ -140,15 +146,15 @@ class StateSpace:
         aa, v = dynamics.direct_dynamics(
             self._reference.context, self._friction, q, va, tau, wrenches, tolerance
         )
-        return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
+        return np.concatenate([self._mechanism.space.q_dot(q, v), aa])
 
     def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
         """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
 
-        The rate is (q_dot, aa). The displacements x of the coordinates and their rates va determine
-        the state. So derivatives by x are computed, along the motions that keep the loops closed.
-        Derivatives by q are those by x times dx/dq; columns of dependent joints are zero. Where
-        wheels roll, the state has more degrees of freedom, and this does not hold.
+        The rate is (q_dot, aa). Small displacements x of the coordinates, along motions that keep
+        the loops closed, determine q. So the rate is differentiated by x first. Its derivative by q
+        is d(rate)/dx dx/dq, which is zero for dependent joints. Where wheels roll, x does not
+        determine q, and the result is not exact.
         """
         q = self.closed(state)
         va = state[self._nq :]
@@ -169,32 +175,32 @@ class StateSpace:
     def _position_derivatives(self, q: Array, va: Array) -> _PositionDerivatives:
         """Derivatives of q and q_dot by displacements x of the coordinates, with constant va.
 
-        With v = L va, Eq. (16), and q_dot = Q v, the derivative of q is Q L. Q is the identity if
-        q_dot is v.
+        With v = L va, Eq. (16), and q_dot = Q v, the derivative dq/dx is Q L. Q is the identity
+        unless q has quaternions or cosines.
         """
         space = self._mechanism.space
         context = self._reference.context
         L = self._reference.L(q)  # evaluates the loops and the complement at q
         v = L.dot(va)
-        Q = np.transpose([space.coordinate_rates(q, e) for e in np.eye(len(v))])
+        Q = np.transpose([space.q_dot(q, e) for e in np.eye(len(v))])  # columns Q e_k
         q_by_x = Q.dot(L)
 
-        # The derivative of Q v is Q dv/dx, plus a term with the derivative of Q. Along the motion
-        # with the rates L e_k, the rate of v is L_dot va.
+        # d(Q v)/dx = Q dv/dx + dQ/dx v. Column k of dv/dx is the rate of v = L va in a motion of
+        # coordinate k alone, v_k = L e_k: it is L_dot(v_k) va.
         v_by_x = np.zeros_like(L)
         for k, rates in enumerate(L.T):
             L_dot = context.complement.L_dot(context.loops.Phi_dot(rates))
             v_by_x[:, k] = L_dot.dot(va)
         q_dot_by_x = Q.dot(v_by_x)
         if not space.euclidean:
-            # For constant v, Q v is a polynomial in q: linear in quaternions, and of degree two
-            # where a quaternion turns a velocity. So central differences are exact.
+            # dQ/dx v. For constant v, Q v is a polynomial in q: linear in quaternions, and of
+            # degree two where a quaternion turns a velocity. So central differences are exact.
             for k, displacement in enumerate(q_by_x.T):
-                ahead = space.coordinate_rates(q + displacement, v)
-                behind = space.coordinate_rates(q - displacement, v)
+                ahead = space.q_dot(q + displacement, v)
+                behind = space.q_dot(q - displacement, v)
                 q_dot_by_x[:, k] += (ahead - behind) / 2
 
-        x_by_q = np.linalg.pinv(Q)[self.coordinates]
+        x_by_q = np.linalg.pinv(Q)[self.coordinates]  # v = pinv(Q) q_dot
         return _PositionDerivatives(q_by_x, x_by_q, q_dot_by_x)
 
     def _acceleration_derivatives(
@@ -227,8 +233,8 @@ class StateSpace:
     ) -> tuple[StateSpace, float]:
         """The state space in good coordinates at q, and their condition number there.
 
-        It is this one if its condition number is at most `largest`, or if no other coordinates are
-        better by `MARGIN`. Otherwise its coordinates are those that describe the motions at q best.
+        It is this state space if its condition number is at most `largest`. It is another one if
+        that has a condition number smaller by the factor `MARGIN`.
         """
         condition = self.condition_number(q)
         if condition <= largest:
@@ -237,7 +243,7 @@ class StateSpace:
         if not np.isfinite(Phi).all():
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
-        # Both choices are compared by the same formula; `condition` is computed by another one.
+        # `condition` is computed by another formula. Both choices are compared by one formula.
         parts = self._reference.context.loops.parts
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
@@ -286,11 +292,18 @@ class StateSpace:
     def rollout(
         self, motions: RolloutArrays, threads: int, wrenches_at: WrenchesAt | None
     ) -> Indices:
-        """Fill q and va by the classical Runge-Kutta method; numbers of valid states, shape (N,).
+        """Fill q and va of N motions by the classical Runge-Kutta method.
 
         After each step the dependent joints are moved onto the closures. A motion ends where its
-        loops open, at a singularity, or where a number is not finite. `wrenches_at` takes the place
-        of constant loads. `threads` is for kernels.
+        loops open, at a singularity, or where a number is not finite.
+
+        Args:
+            motions: Starts, torques and loads of the motions, and the arrays to be filled.
+            threads: Only kernels use it.
+            wrenches_at: External wrenches that replace the constant loads of `motions`.
+
+        Returns:
+            For each motion, the number of its valid states, shape (N,).
         """
         valid = np.zeros(len(motions.q), dtype=np.intp)
         for i in counted(range(len(motions.q)), "rollout", len(motions.q)):
@@ -309,21 +322,22 @@ class StateSpace:
     ) -> RolloutEnd:
         """Fill the states of motion i as far as it goes, and the rest with NaN.
 
-        With `until_good` it returns after at least one step where the coordinates of this state
-        space are good again. Then kernels continue the motion.
+        With `until_good` it makes at least one step, and returns as soon as the coordinates of this
+        state space are good. Then kernels, which compute in these coordinates, continue the motion.
         """
         q = motions.q[i]
         va = motions.va[i]
         q[:] = np.nan
         va[:] = np.nan
         try:
-            v = self.start_rates(motions.q0[i], motions.va0[i])  # of all joints
+            v = self.start_rates(motions.q0[i], motions.va0[i])
         except SSTError as error:
             return RolloutEnd(0, error)
         q[0] = motions.q0[i]
         va[0] = motions.va0[i]
 
-        # The coordinates of `space` are good; `rates` are theirs.
+        # `space` is a state space in good coordinates, and `rates` are the rates of these. `v` are
+        # the rates of all joints, and `va` those of the coordinates of this state space.
         space = self
         rates = va[0]
         for s in range(motions.steps):
@@ -346,7 +360,10 @@ class StateSpace:
     def why_ended(
         self, motions: RolloutArrays, i: int, valid: int, wrenches_at: WrenchesAt | None
     ) -> SSTError:
-        """Why motion i ended after some valid states: the error of one more try from the last."""
+        """Why motion i ended after some valid states: the error of one more try from the last one.
+
+        `rollout` by kernels returns no error. The try is on the reference path.
+        """
         last = max(valid - 1, 0)
         rest = motions.rest(i, last)  # motion i alone
         # The new try gets arrays of its own: the states of `motions` stay.
@@ -412,8 +429,8 @@ class StateSpace:
     def _require_short(self, before: Array, predicted: Array, closed: Array) -> None:
         """Refuse a step that is too long for the curvature of the closures.
 
-        It leads from the configuration `before` to the predicted one, which is off the closures by
-        an error of order h^5. Closing the loops corrects this error.
+        A step h leads from the configuration `before` to `predicted`, whose loops are open by an
+        error of order h^5. The configuration `closed` is the predicted one with closed loops.
         """
         correction = self._largest_displacement(predicted, closed)
         length = self._largest_displacement(before, closed)
@@ -441,13 +458,15 @@ class StateSpace:
     def _continues(self, before: Array, after: Array) -> bool:
         """Whether a step between closed configurations stays regular and in its assembly mode.
 
-        Its path is the straight one in all joints, with closed loops.
+        Its path is a straight line in all joints, moved onto the closures.
         """
         model = self._mechanism.model
         displacement = pin.difference(model, before, after)
 
-        # The configuration at a fraction `high` of the step, as `follow` needs it.
-        def path(_q: Array, _low: float, high: float) -> Array:
+        # `follow` calls it with the configuration at the fraction `low` of the step too, which this
+        # path does not need.
+        def path(_q_at_low: Array, _low: float, high: float) -> Array:
+            """The configuration at the fraction `high` of the step."""
             if high == 1:
                 return after
             return self.closed(pin.integrate(model, before, high * displacement))
@@ -457,7 +476,7 @@ class StateSpace:
 
 
 def wrenches_of(motions: RolloutArrays, i: int, wrenches_at: WrenchesAt | None) -> WrenchesOfMotion:
-    """Wrenches on the bodies in motion i, by q: those of `wrenches_at`, or the constant load."""
+    """Wrenches on the bodies in motion i, as a function of q: `wrenches_at` or a constant load."""
     if wrenches_at is not None:
         return partial(wrenches_at, i)
     constant = None if motions.load is None else motions.load[i].reshape(-1, 6)
@@ -467,9 +486,9 @@ def wrenches_of(motions: RolloutArrays, i: int, wrenches_at: WrenchesAt | None) 
 def _best_coordinates(Phi: Array, n: int) -> Indices:
     """Indices of the n rates that describe the motions with Phi v = 0 best.
 
-    These motions are the right singular vectors of the n smallest singular values: close to a
-    singularity Phi has more small values than n. A QR decomposition with pivoting finds the n rates
-    whose parts in these motions are most independent.
+    The motions are spanned by the right singular vectors of the n smallest singular values. (Close
+    to a singularity more than n values are small, so that no threshold could find the n.) A QR
+    decomposition with pivoting of these vectors finds the n rates that are most independent.
     """
     from scipy.linalg import qr
 

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The configuration space of a tree: names and units of the entries of q and v, and q_dot from v.
 
-Most joints have the same number of entries in q and in v, and q_dot = v. The others are:
+The first functions describe single joints; `JointSpace` describes all joints of a tree. Most joints
+have the same number of entries in q and in v, and q_dot = v. The others are:
 
     joint        entries of q                      rates in v
     ball         quaternion (x, y, z, w)           angular velocity, axes of the body
     free-flyer   position, quaternion              linear and angular velocity, axes of the body
     planar       x, y, cosine and sine             vx and vy in axes of the body, and w
     continuous   cosine and sine                   its rate
+
+Quaternions and cosine-sine pairs are called unit vectors: q is valid if their length is one.
 """
 
 from collections.abc import Sequence
@@ -20,12 +23,16 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices, finite_array
 from ..errors import InputError, UnknownNameError
 
-#: Largest error of the length of a quaternion or a cosine-sine pair: six digits are enough.
-_OFF_LENGTH_ONE = 1e-6
+#: Largest error of the length of a unit vector in q: six digits are enough.
+_LENGTH_ERROR = 1e-6
 
 
 class _Kind(NamedTuple):
-    """The entries of one type of joint. A suffix is added to the name of the joint."""
+    """The entries of one type of joint in q and v.
+
+    The name of an entry is the name of the joint with a suffix, such as "hip_qx"; the suffix is
+    empty if the joint has one entry.
+    """
 
     #: Suffixes of its entries of q.
     q: tuple[str, ...]
@@ -36,7 +43,7 @@ class _Kind(NamedTuple):
 
 
 class _Start(NamedTuple):
-    """Where a joint, or a part of it, begins in q and in v."""
+    """Indices of the first entry of a joint, or of a part of it, in q and in v."""
 
     q: int
     v: int
@@ -52,8 +59,7 @@ class _Entry(NamedTuple):
 _XYZ = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _TURNS = ("wx", "wy", "wz")
-#: Joints of several rates.
-_OF_SEVERAL = {
+_JOINTS_OF_SEVERAL_RATES = {
     "JointModelFreeFlyer": _Kind(
         _XYZ + _QUATERNION, ("vx", "vy", "vz", *_TURNS), ("m",) * 3 + ("rad",) * 3
     ),
@@ -70,8 +76,8 @@ _UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
 def kind_of(joint: Any) -> _Kind:
     """Names and units of a joint that is not a composite."""
     short = joint.shortname()
-    if short in _OF_SEVERAL:
-        return _OF_SEVERAL[short]
+    if short in _JOINTS_OF_SEVERAL_RATES:
+        return _JOINTS_OF_SEVERAL_RATES[short]
     if is_continuous(joint):
         return _UNBOUNDED
     if joint.nq == 1 and joint.nv == 1:
@@ -82,16 +88,16 @@ def kind_of(joint: Any) -> _Kind:
     return _Kind(numbers[: joint.nq], numbers[: joint.nv], ("rad",) * joint.nv)
 
 
-def _parts(joint: Any) -> list[tuple[Any, str]]:
-    """The joint itself, or the joints of a composite in series, each with a suffix."""
+def _joints_in(joint: Any) -> list[tuple[Any, str]]:
+    """The joints that a composite consists of, each with a suffix; another joint by itself."""
     if joint.shortname() != "JointModelComposite":
         return [(joint, "")]
     composite = joint.extract() if hasattr(joint, "extract") else joint
-    parts = []
+    joints = []
     for number, inner in enumerate(composite.joints, start=1):
-        for part, suffix in _parts(inner):
-            parts.append((part, f"_{number}{suffix}"))
-    return parts
+        for inner_joint, suffix in _joints_in(inner):  # a composite may contain composites
+            joints.append((inner_joint, f"_{number}{suffix}"))
+    return joints
 
 
 def is_continuous(joint: Any) -> bool:
@@ -99,19 +105,20 @@ def is_continuous(joint: Any) -> bool:
     return bool(joint.nq == 2 and joint.nv == 1)
 
 
-def _positions_of(joint: Any, name: str) -> list[_Entry]:
+def _entries_of_q(joint: Any, name: str) -> list[_Entry]:
     """The entries of q of a joint with this name."""
     kind = kind_of(joint)
     units_of_rates = dict(zip(kind.v, kind.units, strict=True))
-    slides = "m" in kind.units
     entries = []
     for suffix in kind.q:
-        unit = "m" if slides and suffix in _XYZ else units_of_rates.get(suffix, "")
+        # x, y and z are lengths. Angles have the suffixes of their rates. Other entries, of unit
+        # vectors, have no unit.
+        unit = "m" if suffix in _XYZ else units_of_rates.get(suffix, "")
         entries.append(_Entry(f"{name}_{suffix}" if suffix else name, unit))
     return entries
 
 
-def _rates_of(joint: Any, name: str) -> list[_Entry]:
+def _entries_of_v(joint: Any, name: str) -> list[_Entry]:
     """The entries of v of a joint with this name."""
     kind = kind_of(joint)
     entries = []
@@ -138,52 +145,55 @@ class JointSpace:
         self.joint_names: tuple[str, ...] = tuple(list(model.names)[1:])
         positions: list[_Entry] = []
         rates: list[_Entry] = []
+        # Where the entries with q_dot != v begin.
         self._quaternions: list[_Start] = []
-        self._circles: list[_Start] = []  # cosine and sine of an angle, and its rate
-        self._positions: list[_Start] = []  # x, y, z of free-flyers
+        self._cosines: list[_Start] = []  # cosine and sine of an angle
+        self._free_positions: list[_Start] = []  # x, y, z of free-flyers
         self._plane_positions: list[_Start] = []  # x, y of planar joints
         self.names_by_joint: dict[str, dict[str, list[str]]] = {"position": {}, "rate": {}}
         for name, joint in zip(self.joint_names, list(model.joints)[1:], strict=True):
-            i = len(positions)
-            k = len(rates)
-            for part, suffix in _parts(joint):
-                self._note_parts(part, _Start(len(positions), len(rates)))
-                positions += _positions_of(part, name + suffix)
-                rates += _rates_of(part, name + suffix)
-            self.names_by_joint["position"][name] = [entry.name for entry in positions[i:]]
-            self.names_by_joint["rate"][name] = [entry.name for entry in rates[k:]]
+            positions_of_joint: list[_Entry] = []
+            rates_of_joint: list[_Entry] = []
+            for part, suffix in _joints_in(joint):
+                i = len(positions) + len(positions_of_joint)
+                k = len(rates) + len(rates_of_joint)
+                self._note_starts(part, i, k)
+                positions_of_joint += _entries_of_q(part, name + suffix)
+                rates_of_joint += _entries_of_v(part, name + suffix)
+            positions += positions_of_joint
+            rates += rates_of_joint
+            self.names_by_joint["position"][name] = [entry.name for entry in positions_of_joint]
+            self.names_by_joint["rate"][name] = [entry.name for entry in rates_of_joint]
         self.position_names = tuple(entry.name for entry in positions)
         self.position_units = tuple(entry.unit for entry in positions)
         self.rate_names = tuple(entry.name for entry in rates)
         self.rate_units = tuple(entry.unit for entry in rates)
 
-    def _note_parts(self, joint: Any, start: _Start) -> None:
-        """Note where the parts of a joint begin for which q_dot is not v."""
+    def _note_starts(self, joint: Any, i: int, k: int) -> None:
+        """Note the entries with q_dot != v of a joint whose entries begin at q[i] and v[k]."""
         short = joint.shortname()
-        i = start.q
-        k = start.v
         if short == "JointModelFreeFlyer":
-            self._positions.append(_Start(i, k))
+            self._free_positions.append(_Start(i, k))
             self._quaternions.append(_Start(i + 3, k + 3))
         elif short == "JointModelSpherical":
             self._quaternions.append(_Start(i, k))
         elif short == "JointModelPlanar":
             self._plane_positions.append(_Start(i, k))
-            self._circles.append(_Start(i + 2, k + 2))
+            self._cosines.append(_Start(i + 2, k + 2))
         elif is_continuous(joint):
-            self._circles.append(_Start(i, k))
+            self._cosines.append(_Start(i, k))
 
     @cached_property
-    def places(self) -> dict[str, list[int]]:
+    def indices_of_positions(self) -> dict[str, list[int]]:
         """Indices in q of each angle or length, by name; two for a cosine and a sine."""
-        places: dict[str, list[int]] = {}
-        for k, name in enumerate(self.position_names):
-            if self.position_units[k]:
-                places[name] = [k]
-        for i, _ in self._circles:  # their cosines and sines have no unit
+        indices: dict[str, list[int]] = {}
+        for i, name in enumerate(self.position_names):
+            if self.position_units[i]:  # the entries of unit vectors have none
+                indices[name] = [i]
+        for i, _ in self._cosines:
             name = self.position_names[i].removesuffix("_cos")
-            places[name] = [i, i + 1]
-        return places
+            indices[name] = [i, i + 1]
+        return indices
 
     def rates_of(self, names: Sequence[str]) -> Indices:
         """Indices in v of joints, or of single rates, by name."""
@@ -241,9 +251,9 @@ class JointSpace:
     @cached_property
     def euclidean(self) -> bool:
         """Whether q_dot is v."""
-        return not (self._quaternions or self._circles)
+        return not (self._quaternions or self._cosines)
 
-    def coordinate_rates(self, q: Array, v: Array) -> Array:
+    def q_dot(self, q: Array, v: Array) -> Array:
         """q_dot, shape (nq,), from the rates v of the tree, shape (nv,)."""
         if self.euclidean:
             return v
@@ -251,7 +261,8 @@ class JointSpace:
         in_q, in_v = self.plain
         q_dot[in_q] = v[in_v]
         for i, k in self._quaternions:
-            # The rate of a quaternion is its product with (omega / 2, 0).
+            # The rate of a quaternion is its product with the quaternion (omega / 2, 0), where
+            # omega is the angular velocity in axes of the body.
             x, y, z, w = q[i : i + 4]
             a, b, c = v[k : k + 3] / 2
             q_dot[i : i + 4] = (
@@ -260,9 +271,9 @@ class JointSpace:
                 w * c + x * b - y * a,
                 -x * a - y * b - z * c,
             )
-        for i, k in self._circles:
+        for i, k in self._cosines:
             q_dot[i : i + 2] = -q[i + 1] * v[k], q[i] * v[k]
-        for i, k in self._positions:
+        for i, k in self._free_positions:
             R = pin.Quaternion(q[i + 3 : i + 7]).matrix()
             q_dot[i : i + 3] = R @ v[k : k + 3]
         for i, k in self._plane_positions:
@@ -271,11 +282,11 @@ class JointSpace:
         return q_dot
 
     def normalised(self, q: Array) -> Array:
-        """q with its quaternions and cosine-sine pairs at length one, shape (nq,)."""
+        """q with unit vectors of length one, shape (nq,)."""
         if self.euclidean:
             return q
         q = q.copy()
-        for size, starts in ((4, self._quaternions), (2, self._circles)):
+        for size, starts in ((4, self._quaternions), (2, self._cosines)):
             for i, _ in starts:
                 length = np.linalg.norm(q[i : i + size])
                 if length == 0:
@@ -296,52 +307,56 @@ class JointSpace:
         return q
 
     def on_manifold(self, q: Array) -> Flags:
-        """Whether quaternions and cosine-sine pairs have length one, q of shape (..., nq)."""
-        return np.all(self._off_length_one(q) < _OFF_LENGTH_ONE, axis=-1)
+        """Whether the unit vectors have length one, shape (...), for q of shape (..., nq)."""
+        return np.all(self._length_errors(q) < _LENGTH_ERROR, axis=-1)
 
     def require_on_manifold(self, q: Array, name: str = "q") -> None:
-        """Check that quaternions and cosine-sine pairs of q, shape (nq,), have length one."""
+        """Check that the unit vectors of q, shape (nq,), have length one."""
         if self.euclidean:
             return
+        # A fast check for control loops. If |l^2 - 1| < 1e-6 for a length l, |l - 1| is less.
         with np.errstate(over="ignore"):
-            errors = (q * q).dot(self.unit_parts) - 1
-            is_near = errors.dot(errors) < _OFF_LENGTH_ONE**2
+            errors_of_squares = (q * q).dot(self._in_unit_vectors) - 1
+            is_near = errors_of_squares.dot(errors_of_squares) < _LENGTH_ERROR**2
         if is_near:
-            return  # sufficient: each length differs from 1 by less than 5e-7
+            return
         if not self.on_manifold(q):
-            off = float(self._off_length_one(finite_array(name, q, q.shape)).max())
+            off = float(self._length_errors(finite_array(name, q, q.shape)).max())
             raise InputError(
                 name,
                 f"the length of a quaternion or cosine-sine pair differs from 1 by {off:.3g}; "
                 "pinocchio.normalize corrects it",
             )
 
-    def _off_length_one(self, q: Array) -> Array:
-        """How far the length of each quaternion and pair is from 1, shape (..., parts)."""
+    def _length_errors(self, q: Array) -> Array:
+        """How far the length of each unit vector is from 1, shape (..., unit vectors)."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return np.abs(np.sqrt((q * q).dot(self.unit_parts)) - 1)
+            return np.abs(np.sqrt((q * q).dot(self._in_unit_vectors)) - 1)
 
     @cached_property
-    def unit_parts(self) -> Array:
-        """1 for the entries of q in each quaternion and pair, shape (nq, parts)."""
-        parts = np.zeros((self._model.nq, len(self._quaternions) + len(self._circles)))
-        sizes = [(i, 4) for i, _ in self._quaternions] + [(i, 2) for i, _ in self._circles]
-        for part, (i, size) in enumerate(sizes):
-            parts[i : i + size, part] = 1
-        return parts
+    def _in_unit_vectors(self) -> Array:
+        """1 where an entry of q belongs to a unit vector, else 0, shape (nq, unit vectors).
+
+        So (q * q) @ this are the squared lengths of the unit vectors.
+        """
+        sizes = [(i, 4) for i, _ in self._quaternions] + [(i, 2) for i, _ in self._cosines]
+        entries = np.zeros((self._model.nq, len(sizes)))
+        for vector, (i, size) in enumerate(sizes):
+            entries[i : i + size, vector] = 1
+        return entries
 
     @cached_property
     def plain(self) -> tuple[Indices, Indices]:
-        """Indices in q and in v of the entries with q_dot = v."""
+        """Indices in q and in v of the entries with q_dot = v, both of one length."""
         q = np.ones(self._model.nq, dtype=bool)
         v = np.ones(self._model.nv, dtype=bool)
         for i, k in self._quaternions:
             q[i : i + 4] = False
             v[k : k + 3] = False
-        for i, k in self._circles:
+        for i, k in self._cosines:
             q[i : i + 2] = False
             v[k] = False
-        for i, k in self._positions:
+        for i, k in self._free_positions:
             q[i : i + 3] = False
             v[k : k + 3] = False
         for i, k in self._plane_positions:
@@ -351,8 +366,12 @@ class JointSpace:
 
 
 def without_sign_changes(quaternions: Array) -> Array:
-    """Neighbouring quaternions, shape (N, 4), each with the sign nearer to the one before."""
-    p = quaternions.copy()  # p and -p are one rotation
-    signs = np.where((p[1:] * p[:-1]).sum(axis=1) < 0, -1, 1)  # relative to the one before
-    p[1:] *= np.cumprod(signs)[:, None]
-    return p
+    """Consecutive quaternions, shape (N, 4), each with the sign that is nearer to the one before.
+
+    A quaternion and its negative are the same rotation.
+    """
+    products = (quaternions[1:] * quaternions[:-1]).sum(axis=1)
+    relative_signs = np.where(products < 0, -1, 1)  # of each to the one before
+    result = quaternions.copy()
+    result[1:] *= np.cumprod(relative_signs)[:, None]
+    return result

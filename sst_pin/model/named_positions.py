@@ -2,8 +2,9 @@
 """Positions of joints by name: the angle of a revolute joint, or the length of a prismatic one.
 
 The functions here convert between such positions and q. A bounded joint has one entry in q, its
-position. A continuous joint has two, the cosine and the sine of its angle. `JointSpace.places` has
-the indices of these entries by the name of the joint; joints of several axes are not in it.
+position. A continuous joint has two, the cosine and the sine of its angle.
+`JointSpace.indices_of_positions` has the indices of these entries by the name of the joint. It also
+has single angles and lengths of joints of several axes, such as "base_x", but not quaternions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +21,8 @@ from .joint_space import JointSpace
 def units_by_joint(space: JointSpace) -> dict[str, str]:
     """The unit "rad" or "m" of the position of each joint of one axis, by the joint's name."""
     units: dict[str, str] = {}
-    for name, indices in space.places.items():
-        # A cosine has no unit in `position_units`; the position of its joint is an angle.
+    for name, indices in space.indices_of_positions.items():
+        # `position_units` has no unit for a cosine, but the position of this joint is an angle.
         units[name] = space.position_units[indices[0]] or "rad"
     return units
 
@@ -60,9 +61,11 @@ def positions_of(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
 
 def _indices_in_q(space: JointSpace, name: str) -> list[int]:
     """Indices in q of a joint of one axis; other names raise an error that says why."""
-    if name in space.places:
-        return space.places[name]
+    if name in space.indices_of_positions:
+        return space.indices_of_positions[name]
     if name in space.joint_names or name in space.rate_names:
         problem = "this joint neither turns about one axis nor slides along one"
-        raise InputError(name, f"{problem}; joints that do are {listed(list(space.places), 12)}")
-    raise UnknownNameError("revolute or prismatic joint", name, space.places)
+        raise InputError(
+            name, f"{problem}; joints that do are {listed(list(space.indices_of_positions), 12)}"
+        )
+    raise UnknownNameError("revolute or prismatic joint", name, space.indices_of_positions)

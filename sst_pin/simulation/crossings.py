@@ -97,7 +97,7 @@ class Branch:
             pairs = np.stack([values, unit * derivatives], axis=1)  # (N, value or derivative, ...)
             return KroghInterpolator(x, pairs.reshape(len(x), -1))
 
-        q_dot = np.array([space.coordinate_rates(q_k, v_k) for q_k, v_k in zip(q, v, strict=True)])
+        q_dot = np.array([space.q_dot(q_k, v_k) for q_k, v_k in zip(q, v, strict=True)])
         self._q = interpolator(q, q_dot)
         self._v = interpolator(v, v_dot)
 

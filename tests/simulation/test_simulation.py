@@ -153,7 +153,7 @@ def test_derivatives_of_states_are_those_of_their_rates(name):
 
     expected = differences(lambda d: state_space.rate(state + d, tau, None), len(state), 1e-6)
     space, (nq, nv) = chain.mechanism.space, (chain.model.nq, chain.model.nv)
-    turns = np.array([space.coordinate_rates(chain.home, e) for e in np.eye(nv)]).T
+    turns = np.array([space.q_dot(chain.home, e) for e in np.eye(nv)]).T
     error, most = by_state - expected, 1e-8 * (1 + np.abs(expected).max())
     assert np.abs(error[:, :nq] @ turns).max() < most
     assert np.abs(error[:, nq:]).max() < most
