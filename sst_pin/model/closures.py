@@ -15,8 +15,9 @@ import numpy as np
 
 from ..errors import DescriptionError, InputError
 
-#: Names of rows: motions of frame B relative to frame A along and about x, y, z.
-_RATES = ("x", "y", "z", "turn x", "turn y", "turn z")
+#: The six motions of frame B relative to frame A, along and about x, y, z. A row of Phi that fixes
+#: one of them has its name.
+_MOTIONS = ("x", "y", "z", "turn x", "turn y", "turn z")
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,12 @@ class Closure:
     Attributes:
         frame_a: Name of the first frame.
         frame_b: Name of the second frame.
-        kind: "6d": the frames coincide; "3d": their origins coincide; "orientation": their axes
-            are parallel. In the axes of frame A: "hinge": the origins coincide, B turns about z;
-            "universal": the origins coincide, B turns about x of A and y of B; "cylindrical": B
-            slides along z and turns about z; "prismatic": B slides along z; "planar": B slides
-            along x and y and turns about z. Or six booleans: whether x, y, z, turn x, turn y,
-            turn z are fixed.
+        kind: "6d": the frames coincide. "3d": their origins coincide. "orientation": their axes
+            are parallel. The other kinds allow these motions of B relative to A, in the axes of A:
+            "hinge": B turns about z; "universal": B turns about x of A and about y of B;
+            "cylindrical": B slides along z and turns about z; "prismatic": B slides along z;
+            "planar": B slides along x and y and turns about z. Or six booleans: whether x, y, z,
+            turn x, turn y, turn z are fixed.
 
     Raises:
         DescriptionError: For an unknown kind.
@@ -77,7 +78,7 @@ class Closure:
     @property
     def rows(self) -> list[str]:
         """Name of each row of Phi."""
-        return [name for name, held in zip(_RATES, self.held, strict=True) if held]
+        return [name for name, fixed in zip(_MOTIONS, self.held, strict=True) if fixed]
 
     def __str__(self) -> str:
         return f"{self.frame_a} - {self.frame_b}"
@@ -120,8 +121,9 @@ class Distance:
 class ExtendedDistance(Distance):
     """A rod whose length is `distance` plus the positions of joints.
 
-    The joints stay at zero: derivatives by their positions are derivatives by the length. Only
-    `geometry.extended` makes such rods; kernels do not know them.
+    It serves to differentiate by the length of the rod: the derivative equals that by the position
+    of such a joint. The joints always stay at zero. Only `geometry.extended` makes such rods;
+    kernels do not know them.
 
     Attributes:
         joints: Names of the joints, which slide.
@@ -185,8 +187,8 @@ class Rolling:
     """A wheel or a ball that rolls on a plane without slip, see the paper's reference [4].
 
     The plane is the x-y plane of the frame `plane`; the wheel is a thin disc about z of the frame
-    `wheel`. Only the row "height" has a residual. The two other rows constrain rates, not q
-    (non-holonomic).
+    `wheel`. Only the row "height" constrains q. The two rows of slip constrain rates only
+    (non-holonomic), so that any q fulfils them.
 
     Attributes:
         plane: Name of the frame with the plane; "universe" is the base.
@@ -222,7 +224,7 @@ class Rolling:
 class Brake:
     """A joint or a line that is held where it is.
 
-    Its row of Phi constrains the rate only, so any position is a closed one.
+    Its row of Phi constrains the rate only. It holds at any position, so that it opens no loop.
     `ClosedChain(..., brakes=[...])` and `with_brakes` make brakes from names.
 
     Attributes:
