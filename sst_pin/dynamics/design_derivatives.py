@@ -29,15 +29,8 @@ from ..arrays import Array, for_each_sample, in_order, single_array
 from ..arrays import names as words
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
-from ..model.geometry import (
-    RestingJoint,
-    displaced,
-    displacements,
-    enlarged,
-    extended,
-    extensions,
-    parameter_names,
-)
+from ..model.enlarged_tree import RestingJoint, enlarged, extended
+from ..model.geometry import displaced, displacements, extensions, parameter_names
 from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
 from ..model.weight_shares import WeightShares

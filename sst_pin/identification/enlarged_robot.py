@@ -21,6 +21,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError, UnknownNameError
 from ..model import geometry
+from ..model.enlarged_tree import RestingJoint, enlarged, extended
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
 from ..reading import Urdf
@@ -47,11 +48,11 @@ class EnlargedRobot:
         rods_of_joints = dict[str, str]()
         for name in errors:
             for place, displacement in geometry.displacements(drawn.mechanism, {name: 1.0}).items():
-                joints.append(geometry.RestingJoint(name, place, displacement))
+                joints.append(RestingJoint(name, place, displacement))
             for rod in geometry.extensions(drawn.closures, {name: 1.0}):
                 rods_of_joints[name] = rod
-        model = geometry.enlarged(drawn.mechanism.model, joints, slides=rods_of_joints)
-        closures = geometry.extended(drawn.closures, rods_of_joints)
+        model = enlarged(drawn.mechanism.model, joints, slides=rods_of_joints)
+        closures = extended(drawn.closures, rods_of_joints)
         self.chain = ClosedChain(model, closures, [*drawn.coordinates, *errors])
         lost = set(drawn.coordinates) - set(self.chain.coordinates)
         if lost:
