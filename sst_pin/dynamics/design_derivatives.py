@@ -29,7 +29,7 @@ from ..arrays import Array, for_each_sample, in_order, single_array
 from ..arrays import names as words
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
-from ..model.enlarged_tree import RestingJoint, enlarged, extended
+from ..model.enlarged_tree import RestingJoint, enlarged, with_extended_rods
 from ..model.geometry import displaced, displacements, extensions, parameter_names
 from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
@@ -279,7 +279,7 @@ class Design:
         return replace(
             mechanism,
             model=tree,
-            closures=(*extended(mechanism.closures, added.rods), *added.couplings),
+            closures=(*with_extended_rods(mechanism.closures, added.rods), *added.couplings),
             coordinates=np.array(coordinates, dtype=np.intp),
             actuation=_put(no_motors, self._v_indices, mechanism.actuation),
             friction=Friction(

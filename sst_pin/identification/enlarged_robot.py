@@ -21,7 +21,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError, UnknownNameError
 from ..model import geometry
-from ..model.enlarged_tree import RestingJoint, enlarged, extended
+from ..model.enlarged_tree import RestingJoint, enlarged, with_extended_rods
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
 from ..reading import Urdf
@@ -52,7 +52,7 @@ class EnlargedRobot:
             for rod in geometry.extensions(drawn.closures, {name: 1.0}):
                 rods_of_joints[name] = rod
         model = enlarged(drawn.mechanism.model, joints, slides=rods_of_joints)
-        closures = extended(drawn.closures, rods_of_joints)
+        closures = with_extended_rods(drawn.closures, rods_of_joints)
         self.chain = ClosedChain(model, closures, [*drawn.coordinates, *errors])
         lost = set(drawn.coordinates) - set(self.chain.coordinates)
         if lost:

@@ -122,8 +122,8 @@ class ExtendedDistance(Distance):
     """A rod whose length is `distance` plus the positions of joints.
 
     It serves to differentiate by the length of the rod: the derivative equals that by the position
-    of such a joint. The joints always stay at zero. Only `enlarged_tree.extended` makes such rods;
-    kernels do not know them.
+    of such a joint. The joints always stay at zero. Only `enlarged_tree.with_extended_rods` makes
+    such rods; kernels do not know them.
 
     Attributes:
         joints: Names of the joints, which slide.

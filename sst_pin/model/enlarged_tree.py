@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A tree with additional joints that stay at zero, for derivatives by its geometry."""
+"""A tree with additional joints that stay at zero, for derivatives by its geometry.
+
+The derivative by a displacement of a joint or frame equals the derivative by the position of an
+additional joint just before it. `enlarged` adds such joints. The derivative by the length of a rod,
+a `Distance` closure, equals the derivative by the position of an additional slide on the ground;
+`with_extended_rods` adds this position to the length. Additional joints are "at rest": they stay at
+zero.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,12 +24,13 @@ from .rebuilt_tree import rebuilt
 
 
 class RestingJoint(NamedTuple):
-    """A joint that stays at zero; its motion displaces a place.
+    """A joint that stays at zero; its motion would displace a place, see `geometry`.
 
     Attributes:
         name: Its name, which begins with the name of the place.
-        place: The place.
-        direction: Displacement of the place, shape (6,): a slide or a turn.
+        place: Name of the joint or frame that it displaces.
+        direction: The displacement, shape (6,), which is either linear or angular. Its size does
+            not count.
     """
 
     name: str
@@ -30,12 +38,73 @@ class RestingJoint(NamedTuple):
     direction: Array
 
 
-def extended(
+def enlarged(
+    model: pin.Model, joints_at_rest: Iterable[RestingJoint], slides: Iterable[str] = ()
+) -> pin.Model:
+    """The tree with additional joints at places, and slides on the ground.
+
+    The additional joints of a place are in series between its body and the joint or frame that is
+    the place. The result has no named configurations.
+
+    Args:
+        model: The tree.
+        joints_at_rest: The joints at places.
+        slides: Names of the slides for `with_extended_rods`, which move nothing.
+    """
+    if list(model.mimicking_joints):
+        raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
+    # The joints at each place, by the suffixes that follow the place in their names.
+    joints_at: dict[str, dict[str, Any]] = defaultdict(dict)
+    for resting in joints_at_rest:
+        suffix = resting.name.removeprefix(resting.place)
+        joints_at[resting.place][suffix] = _joint_model(model, resting)
+
+    changes: dict[int, Series] = {}
+    for j, name in enumerate(model.names):
+        if name in joints_at:  # the place is a joint
+            series = Series.named(joints_at[name])
+            changes[j] = Series([*series.parts, *Series.whole(model.joints[j]).parts])
+    large = rebuilt(model, changes).model
+    for place, joints in joints_at.items():
+        if place not in model.names:  # the place is a frame
+            _insert_before_frame(large, place, joints)
+    for name in slides:
+        large.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
+    for pose in list(large.referenceConfigurations):
+        del large.referenceConfigurations[pose.key()]
+    return large
+
+
+def _joint_model(model: pin.Model, resting: RestingJoint) -> Any:
+    """The joint of Pinocchio for a joint at rest."""
+    slide, turn = np.split(resting.direction / np.linalg.norm(resting.direction), 2)
+    if turn.any():
+        return pin.JointModelRevoluteUnaligned(turn)
+    # A linear displacement is in axes of the body. The axis of Pinocchio's joint is in the axes of
+    # the place.
+    _, placement = place_of(model, resting.place)
+    return pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
+
+
+def _insert_before_frame(model: pin.Model, name: str, joints: Mapping[str, Any]) -> None:
+    """Insert joints between a body and the frames of one name; `joints` are by their suffixes."""
+    frames = [frame for frame in model.frames if frame.name == name]
+    parent = frames[0].parentJoint
+    placement = frames[0].placement.copy()
+    for suffix, joint in joints.items():
+        parent = model.addJoint(parent, joint, placement, name + suffix)
+        placement = pin.SE3.Identity()
+    for frame in frames:
+        frame.parentJoint = parent
+        frame.placement = placement
+
+
+def with_extended_rods(
     closures: Sequence[Constraint], rods_of_joints: Mapping[str, str]
 ) -> tuple[Constraint, ...]:
-    """The closures with rods that joints of `enlarged` extend.
+    """The closures with rods that slides of `enlarged` extend.
 
-    `rods_of_joints` has the rod that each joint extends.
+    `rods_of_joints` is the name of the rod that each slide extends, by the name of the slide.
     """
     result: list[Constraint] = []
     for closure in closures:
@@ -48,64 +117,3 @@ def extended(
         else:
             result.append(closure)
     return tuple(result)
-
-
-def _joint_model(model: pin.Model, resting: RestingJoint) -> Any:
-    """The joint of Pinocchio whose motion displaces a place as a joint at rest does."""
-    slide, turn = np.split(resting.direction / np.linalg.norm(resting.direction), 2)
-    if turn.any():
-        return pin.JointModelRevoluteUnaligned(turn)
-    # The direction of a slide is in axes of the body; the axis of a joint is in its own axes.
-    _, placement = place_of(model, resting.place)
-    return pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
-
-
-def _insert_before_frame(model: pin.Model, name: str, joints: Mapping[str, Any]) -> None:
-    """Insert joints, by the suffixes of their names, between a body and the frames of a name."""
-    frames = [frame for frame in model.frames if frame.name == name]
-    parent = frames[0].parentJoint
-    placement = frames[0].placement.copy()
-    for suffix, joint in joints.items():
-        parent = model.addJoint(parent, joint, placement, name + suffix)
-        placement = pin.SE3.Identity()
-    for frame in frames:
-        frame.parentJoint = parent
-        frame.placement = placement
-
-
-def enlarged(
-    model: pin.Model, joints_at_rest: Iterable[RestingJoint], slides: Iterable[str] = ()
-) -> pin.Model:
-    """The tree with additional joints at the places, which stay at zero.
-
-    They are in series between a body and the place: before the joint that is the place, or between
-    the body and the frame that is the place. The derivative by a displacement of the place equals
-    the derivative by the position of such a joint. The result has no named configurations.
-
-    Args:
-        model: The tree.
-        joints_at_rest: The joints at places.
-        slides: Names of the joints for `extended`: slides on the ground, which move nothing.
-    """
-    if list(model.mimicking_joints):
-        raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
-    # The joints at each place, by what their names have after the name of the place.
-    joints_at: dict[str, dict[str, Any]] = defaultdict(dict)
-    for resting in joints_at_rest:
-        suffix = resting.name.removeprefix(resting.place)
-        joints_at[resting.place][suffix] = _joint_model(model, resting)
-
-    changes: dict[int, Series] = {}
-    for j, name in enumerate(model.names):
-        if name in joints_at:
-            series = Series.named(joints_at[name])
-            changes[j] = Series([*series.parts, *Series.whole(model.joints[j]).parts])
-    large = rebuilt(model, changes).model
-    for place, joints in joints_at.items():
-        if place not in model.names:
-            _insert_before_frame(large, place, joints)
-    for name in slides:
-        large.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
-    for pose in list(large.referenceConfigurations):
-        del large.referenceConfigurations[pose.key()]
-    return large

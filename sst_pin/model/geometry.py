@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The geometry of a robot in parameters: placements of joints and frames, and lengths of links.
 
-A *place* is a joint, or a frame of a closure or line. A parameter displaces a place: "crank.x" by a
-coordinate of its position, "crank.length" all places at the end of a link. Displacing a joint also
-moves all bodies after it. A displacement is [linear; angular], shape (6,): linear along the axes of
-the body on which the place is, angular about the axes of the place itself.
+A *place* is a joint, or a frame of a closure or line. There are three kinds of parameters:
 
-A *rod* is a `Distance` closure, named by its frames: "a - b.length" is the parameter of its length.
+    "crank.x"        displaces one place, a joint or frame with the name crank
+    "crank.length"   displaces all places at the end of the link that joint crank moves
+    "a - b.length"   extends the rod, a `Distance` closure, between the frames a and b
+
+A displacement is [linear; angular], shape (6,), [m] and [rad]. Its linear part is in the axes of
+the body to which the place is fixed, its angular part in the axes of the place itself. Displacing a
+joint also moves all bodies after it.
+
+`parameter_names` lists the parameters. `displacements` and `extensions` give the effects of changes
+of parameters on places and rods. `displaced` and `lengthened` apply the effects to a tree and to
+closures.
 """
 
 from collections import defaultdict
@@ -21,12 +28,12 @@ from .closures import Constraint, Distance, frames_of
 from .mechanism import Mechanism
 from .tree import frame_named
 
-#: Displacements of a place: along x, y, z and about them.
+#: The six displacements of a place: along x, y, z and about them.
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-#: Ends of a link coincide if their distance, relative to the link's length, is not larger. Rounding
-#: is smaller, and points that files keep apart differ by more.
+#: Points on a body coincide if their distance, relative to the length of the robot, is not larger.
+#: Rounding is smaller, and points that files keep apart differ by more.
 _SAME_POINT = 1e-9
-#: Displacements of places by their names.
+#: Displacements of places, each of shape (6,), by the names of the places.
 Displacements = dict[str, Array]
 
 
@@ -47,16 +54,16 @@ def length_names(closures: Iterable[Constraint]) -> list[str]:
 
 
 def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the lengths of links and rods, then those of all displacements of places."""
+    """Names of the lengths of links, of the lengths of rods, then of displacements of places."""
     lengths = [f"{link}.length" for link in _lengths(mechanism)]
     places = [f"{place}.{axis}" for place in places_of(mechanism) for axis in AXES]
     return (*lengths, *length_names(mechanism.closures), *places)
 
 
 def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displacements:
-    """The displacement of each place by changes of named parameters, [m] and [rad].
+    """The displacement of each place for changes of named parameters, [m] and [rad].
 
-    Lengths of rods displace no place; see `extensions`.
+    Changes of the lengths of rods displace no place and are left out; see `extensions`.
     """
     lengths = _lengths(mechanism)
     names_of_rods = length_names(mechanism.closures)
@@ -64,18 +71,18 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
     for name, change in changes.items():
         if name in names_of_rods:
             continue
-        place, _, axis = name.rpartition(".")
+        link_or_place, _, axis = name.rpartition(".")
         if axis == "length":
-            directions = lengths[place]
+            directions = lengths[link_or_place]
         else:
-            directions = {place: np.eye(6)[AXES.index(axis)]}
-        for end, direction in directions.items():
-            total[end] = total.get(end, 0) + change * direction
+            directions = {link_or_place: np.eye(6)[AXES.index(axis)]}
+        for place, direction in directions.items():
+            total[place] = total.get(place, 0) + change * direction
     return total
 
 
 def extensions(closures: Iterable[Constraint], changes: Mapping[str, float]) -> dict[str, float]:
-    """The change of the length of each rod by changes of named parameters, [m]."""
+    """The change of the length of each rod, [m], for changes of named parameters."""
     names_of_rods = length_names(closures)
     return {
         name.removesuffix(".length"): change
@@ -87,7 +94,7 @@ def extensions(closures: Iterable[Constraint], changes: Mapping[str, float]) -> 
 def lengthened(
     closures: Sequence[Constraint], changes: Mapping[str, float]
 ) -> tuple[Constraint, ...]:
-    """The closures with changed lengths of rods, by the names of the rods, [m]."""
+    """The closures with longer rods; `changes` of the lengths, [m], are by the names of rods."""
     result: list[Constraint] = []
     for closure in closures:
         if isinstance(closure, Distance) and str(closure) in changes:
@@ -101,37 +108,39 @@ def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
     """For each link with a length the displacements that lengthen it by 1 m.
 
     A link has a length if all places on its body that are not at its joint are at one point, its
-    end. Then all frames there move, not only those of closures.
+    end. Lengthening displaces these places and all other frames at this point.
     """
     model = mechanism.model
-    # The places on each body that are not at its joint.
-    places: dict[int, Displacements] = defaultdict(dict)
+
+    def coincide(a: Array, b: Array) -> bool:
+        return bool(np.linalg.norm(a - b) <= _SAME_POINT * mechanism.length)
+
+    # The places on each body that are not at its joint, which is the origin, with their positions.
+    places: dict[int, dict[str, Array]] = defaultdict(dict)
     for place in places_of(mechanism):
         body, placement = place_of(model, place)
-        if body and placement.translation.any():
+        if body and not coincide(placement.translation, np.zeros(3)):
             places[body][place] = placement.translation
     lengths: dict[str, Displacements] = {}
-    for body, points in places.items():
-        end = next(iter(points.values()))
+    for body, positions in places.items():
+        end = next(iter(positions.values()))
         # A body whose places are at several points has no single length.
-        if not all(_coincide(point, end) for point in points.values()):
+        if not all(coincide(position, end) for position in positions.values()):
             continue
         at_end = set[str]()
         for frame in model.frames:
-            if frame.parentJoint == body and _coincide(frame.placement.translation, end):
+            if frame.parentJoint == body and coincide(frame.placement.translation, end):
                 at_end.add(frame.name)
         along = np.append(end / float(np.linalg.norm(end)), np.zeros(3))
-        lengths[model.names[body]] = dict.fromkeys([*points, *sorted(at_end)], along)
+        lengths[model.names[body]] = dict.fromkeys([*positions, *sorted(at_end)], along)
     return lengths
 
 
-def _coincide(point: Array, end: Array) -> bool:
-    """Whether a point of a link is at its end."""
-    return bool(np.linalg.norm(point - end) <= _SAME_POINT * float(np.linalg.norm(end)))
-
-
 def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
-    """Index of the parent joint of a joint or frame, and the placement relative to it."""
+    """The body to which a joint or frame is fixed, and its placement on this body.
+
+    The body is given by the index of the joint that moves it, 0 for the base.
+    """
     if model.existJointName(place):
         joint = model.getJointId(place)
         return int(model.parents[joint]), model.jointPlacements[joint]
@@ -140,18 +149,18 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
 
 
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
-    """The displacement as a placement D in the axes of the place: the new one is `placement * D`.
+    """The placement D of a displaced place in the axes of the place before: `placement * D`.
 
-    The angular part are turns about x, then y, then z.
+    The angular part consists of turns about x, then about the new y, then about the new z.
     """
     turn = np.eye(3)
-    for axis_turn in np.diag(displacement[3:]):
-        turn = turn @ pin.exp3(axis_turn)
+    for vector in np.diag(displacement[3:]):  # the rotation vectors of the three turns
+        turn = turn @ pin.exp3(vector)
     return pin.SE3(turn, placement.rotation.T @ displacement[:3])
 
 
 def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
-    """The tree with its joints and frames displaced."""
+    """The tree with displaced joints and frames."""
     model = pin.Model(model)
     for place, displacement in changes.items():
         _, placement = place_of(model, place)
@@ -166,7 +175,7 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
 
 
 def take_placements(model: pin.Model, source: pin.Model) -> None:
-    """Give a tree the placements of joints and frames of another tree with the same ones."""
+    """Give a tree the placements of another tree that has the same joints and frames."""
     for j in range(model.njoints):
         model.jointPlacements[j] = source.jointPlacements[j]
     for frame, other in zip(model.frames, source.frames, strict=True):
