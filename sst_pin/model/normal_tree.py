@@ -8,7 +8,7 @@ joint with moving axes, and an ordinary joint replaces a mimic joint.
 """
 
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,13 +16,38 @@ import pinocchio as pin
 from ..arrays import Array, Flags
 
 
+class _Position(NamedTuple):
+    """An entry of q of the normal tree: factor * q[index] + offset, with the original q."""
+
+    index: int
+    factor: float
+    offset: float
+
+
+class _Rate(NamedTuple):
+    """A rate of the normal tree: factor * v[index], with the original v.
+
+    Attributes:
+        index: Index in the original v.
+        factor: 1, or the factor of a mimic joint.
+        rotors: Part of the armature of the original rate that this rate gets, 1 or 0.
+    """
+
+    index: int
+    factor: float
+    rotors: float
+
+
 class NormalTree:
     """The normal tree of a model; frames keep their indices.
 
     Attributes:
         model: The normal tree.
-        bodies: For each joint of the original model the joint that carries its body, 0 first.
-        entries, factors, offsets: Its configuration from that of the model; see `configurations`.
+        bodies: For each joint of the original model, 0 (the base) first, the joint of the normal
+            tree that carries its body.
+        entries: For each entry of its q the index in the original q.
+        factors: Factor of each entry, 1 except for mimic joints.
+        offsets: Offset of each entry, 0 except for mimic joints.
         S: Rates of the normal tree are S v, shape (rates of the normal tree, nv).
     """
 
@@ -31,10 +56,8 @@ class NormalTree:
         self.bodies = [0] * original.njoints
         self.model.name = original.name
         self.model.gravity = original.gravity
-        # For each entry of q of the normal tree: the entry of the original q, factor and offset.
-        q: list[tuple[int, float, float]] = []
-        # For each rate of the normal tree: the original rate, factor, and the share of its rotor.
-        v: list[tuple[int, float, float]] = []
+        positions: list[_Position] = []
+        rates: list[_Rate] = []
         stack = list(original.children[0])[::-1]  # depth-first, the first child first
         while stack:
             j = stack.pop()
@@ -42,36 +65,43 @@ class NormalTree:
             factor = 1.0
             offset = 0.0
             rotors = 1.0
-            if not joint.nv:  # a mimic joint; the joint that it follows has the rotors of both
+            if not joint.nv:
+                # A mimic joint. The armature of the joint that it follows counts for both rotors.
                 mimic = joint.extract()
                 factor = mimic.scaling
                 offset = mimic.offset
                 rotors = 0.0
             self._add(original, j)
-            q += [(joint.idx_q + k, factor, offset) for k in range(joint.nq or 1)]
-            v += [(joint.idx_v + k, factor, rotors) for k in range(joint.nv or 1)]
+            # A mimic joint has nq = nv = 0; its indices are those of the joint that it follows.
+            for k in range(joint.nq or 1):
+                positions.append(_Position(joint.idx_q + k, factor, offset))
+            for k in range(joint.nv or 1):
+                rates.append(_Rate(joint.idx_v + k, factor, rotors))
             stack += list(original.children[j])[::-1]
         for frame in map(pin.Frame, list(original.frames)[1:]):
             frame.parentJoint = self.bodies[frame.parentJoint]
             self.model.addFrame(frame, False)
-        entries, self.factors, self.offsets = np.array(q).reshape(-1, 3).T.copy()
-        rates, factors, rotors_of = np.array(v).reshape(-1, 3).T
-        self.entries = entries.astype(np.intp)
-        rates = rates.astype(np.intp)
-        self.S = factors[:, None] * np.eye(original.nv)[rates]
-        self.model.armature = original.armature[rates] * rotors_of
+        self.entries = np.array([position.index for position in positions], dtype=np.intp)
+        self.factors = np.array([position.factor for position in positions], dtype=float)
+        self.offsets = np.array([position.offset for position in positions], dtype=float)
+        self.S = np.zeros((len(rates), original.nv))
+        for k, rate in enumerate(rates):
+            self.S[k, rate.index] = rate.factor
+            self.model.armature[k] = original.armature[rate.index] * rate.rotors
 
     def configurations(self, q: Array) -> Array:
-        """Configurations of the normal tree for those of the model, shapes (..., entries).
+        """Configurations of the normal tree for configurations q of the model, shape (..., nq).
 
-        Each entry is linear in one entry of q: factors * q[entries] + offsets. Factors and offsets
-        of mimic joints differ from 1 and 0.
+        The result has shape (..., entries).
         """
         return np.asarray(self.factors * q.take(self.entries, axis=-1) + self.offsets)
 
     @cached_property
     def supports(self) -> Flags:
-        """Which rates of the normal tree move the body of each joint, shape (joints, rates)."""
+        """Entry (i, k): whether rate k moves the body of joint i, shape (joints, rates).
+
+        Joints and rates are those of the normal tree.
+        """
         moves = np.zeros((self.model.njoints, self.model.nv), dtype=bool)
         for joint in list(self.model.joints)[1:]:
             bodies = list(self.model.subtrees[joint.id])
@@ -80,14 +110,14 @@ class NormalTree:
 
     @cached_property
     def before(self) -> Flags:
-        """Entry (i, k): whether rate i moves the parent of rate k's joint, (rates, rates)."""
+        """Entry (i, k): whether rate i moves the body before rate k, shape (rates, rates)."""
         parent_of_rate = np.zeros(self.model.nv, dtype=np.intp)
         for joint in list(self.model.joints)[1:]:
             parent_of_rate[joint.idx_v : joint.idx_v + joint.nv] = self.model.parents[joint.id]
         return np.asarray(self.supports[parent_of_rate].T)
 
     def _add(self, original: pin.Model, j: int) -> None:
-        """Add joint j and its body."""
+        """Add joint j of the original, or joints in series for it, and its body."""
         joint = original.joints[j]
         parent = self.bodies[original.parents[j]]
         if joint.nv:
@@ -104,7 +134,10 @@ class NormalTree:
 
 
 def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
-    """The joints of one axis, or of fixed axes, that a joint consists of, with placements."""
+    """Joints in series that move as a joint does, and whose axes do not move in the joint.
+
+    Each has a placement relative to the joint before it in the series.
+    """
     short = joint.shortname()
     here = pin.SE3.Identity()
     if short == "JointModelSphericalZYX":
@@ -118,16 +151,20 @@ def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
         return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in both]
     series: list[tuple[Any, pin.SE3]] = []
     for part, placement in zip(joint.joints, joint.jointPlacements, strict=True):
-        # The placement is that of the first joint of the part.
-        before = placement
+        # Only the first joint of the part is placed by it.
+        placement_of_part = placement
         for single, single_placement in series_of(part):
-            series.append((single, before * single_placement))
-            before = here
+            series.append((single, placement_of_part * single_placement))
+            placement_of_part = here
     return series
 
 
 def _ordinary(joint: Any) -> Any:
-    """The ordinary joint that a mimic joint is made of, by its unit twist; Pinocchio hides it."""
+    """The ordinary joint with the kind and the axis of a mimic joint.
+
+    Pinocchio gives no access to it. But the twist S of a mimic joint per rate of the joint that it
+    follows is the axis times the factor of the mimic joint.
+    """
     data = joint.createData()
     joint.calc(data, np.zeros(joint.idx_q + 1))
     linear, angular = np.split(np.ravel(np.array(data.S)) / joint.extract().scaling, 2)
