@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replaces a joint by joints in series, so that some of its rates can be locked."""
+"""Joints in series that replace a joint, for `rebuilt_tree`.
+
+`Series` are any such joints, or none if the joint is fixed. `PartlyLocked` is the series of a joint
+with some locked rates.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +43,8 @@ class Part(NamedTuple):
         joint: Its model.
         place: Its pose relative to the joint before it.
         rates: Indices of its rates among the rates of the whole joint.
-        entries: Indices of its positions in q of the whole joint; empty if q has no such angle.
+        entries: Indices of its positions in q of the whole joint; empty if its position is not an
+            entry of q, as for a turn of a quaternion.
     """
 
     suffix: str
@@ -63,7 +68,7 @@ class Series:
 
     @classmethod
     def named(cls, joints: Mapping[str, Any]) -> Series:
-        """A series of joints, by their suffixes."""
+        """A series of new joints, by their suffixes; they have no rates of the replaced joint."""
         return cls([Part(suffix, joint) for suffix, joint in joints.items()])
 
     @classmethod
@@ -88,9 +93,12 @@ class Series:
 class PartlyLocked(Series):
     """A joint as joints in series, without the rates that are locked.
 
-    Slides along x, y, z come first, then turns. Of a ball or free-flyer they are about x, y, z with
-    the locked ones last, so a rod whose spin is locked can still have any direction. If none is
-    locked, they stay a ball with the name of the joint. Other parts have the names of the rates.
+    There is a joint for each free rate, with the suffix of the rate: first slides along x, y, z,
+    then turns. A locked rate remains as a constant pose between its neighbours.
+
+    The three turns of a ball or free-flyer are ordered x, y, z with the locked ones last, so that a
+    rod whose spin is locked can still have any direction. If none of them is locked, they stay one
+    ball, with the name of the whole joint.
 
     Args:
         joint: A joint of a model.
@@ -105,13 +113,15 @@ class PartlyLocked(Series):
         suffixes = kind_of(joint).v
         models = _single_joints(joint)  # one for each rate, in the order of the rates
 
-        ball_rates = _BALL_RATES.get(kind, ())
-        turns = sorted(ball_rates, key=lambda k: k in locked)  # free ones first, else in order
-        stays_ball = bool(turns) and not any(k in locked for k in turns)
-        #: Axes of the turns in their order, 0 for x; empty if q has no quaternion.
-        self._turn_axes = [ball_rates.index(k) for k in turns]
-        #: The axis of each of these rates.
-        self._axis_of_rate = {k: axis for axis, k in enumerate(ball_rates)}
+        ball_rates = _BALL_RATES.get(kind, ())  # about x, y, z
+        free_turns = [k for k in ball_rates if k not in locked]
+        locked_turns = [k for k in ball_rates if k in locked]
+        turns = free_turns + locked_turns
+        stays_ball = bool(ball_rates) and not locked_turns
+        #: The axis of each turn of a quaternion by its rate, 0 for x; empty without a quaternion.
+        self._axis_of_turn = {k: axis for axis, k in enumerate(ball_rates)}
+        #: These axes in the order of the turns in the series.
+        self._order_of_axes = [self._axis_of_turn[k] for k in turns]
 
         # The rates that become single joints, in their order.
         singles = [k for k in range(len(models)) if k not in ball_rates]
@@ -123,7 +133,7 @@ class PartlyLocked(Series):
             if k in locked:
                 place = place * Series.fixed(models[k], np.array([locked[k]])).place
                 continue
-            # Turns of a quaternion, and the angle of a planar joint, are not entries of q.
+            # q has a quaternion for the turns of a ball, and cosine and sine for a planar joint.
             is_angle_of_plane = kind == "JointModelPlanar" and k == 2
             entries = [] if k in ball_rates or is_angle_of_plane else [k]
             parts.append(Part(f"_{suffixes[k]}", models[k], place, rates=[k], entries=entries))
@@ -141,11 +151,12 @@ class PartlyLocked(Series):
         for k, part in enumerate(self.parts):
             if part.entries:
                 continue
-            if self._turn_axes:
-                angles = _angles(q[-4:], self._turn_axes)  # q ends with the quaternion
-                positions[k] = angles[[self._axis_of_rate[part.rates[0]]]]
+            if self._axis_of_turn:  # q of a ball or free-flyer ends with the quaternion
+                angles = _angles(q[-4:], self._order_of_axes)
+                angle = angles[self._axis_of_turn[part.rates[0]]]
             else:  # q of a planar joint ends with cosine and sine
-                positions[k] = np.array([np.arctan2(q[-1], q[-2])])
+                angle = np.arctan2(q[-1], q[-2])
+            positions[k] = np.array([angle])
         return positions
 
 
@@ -162,7 +173,10 @@ def _single_joints(joint: Any) -> list[Any]:
 
 
 def _angles(quaternion: Array, order: Sequence[int]) -> Array:
-    """Angles about x, y, z of turns that follow one another in this order."""
+    """Angles about x, y, z of a rotation as turns in an order of axes, such as [1, 2, 0].
+
+    Each turn is about the axis that the turns before it have moved.
+    """
     from scipy.spatial.transform import Rotation
 
     angles = np.empty(3)

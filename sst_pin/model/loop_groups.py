@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Groups of loops that share joints, and the lengths of these groups and of the robot.
+"""Groups of loops that share joints, and the largest offset in a group or in a robot.
 
-Lengths make numbers free of units: errors, rates and rows of Phi in metres are divided by the
-length of their group, so that thresholds hold for small and large robots.
+The offsets are the lengths by which errors, rates and rows of Phi in metres are divided. So
+thresholds are free of units and hold for small and large robots.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,8 @@ from ..arrays import Array
 from .closures import Constraint, Distance, Rolling, frames_of, holds_points
 from .tree import frame_named
 
-#: Offsets that are smaller, relative to the bodies, are rounding of zero in files with six digits.
+#: An offset that is smaller, relative to the size of the bodies, is zero that a file with six
+#: digits has rounded.
 _SMALL = 1e-6
 
 
@@ -30,24 +31,27 @@ class LoopGroup(NamedTuple):
 def loop_groups(model: pin.Model, closures: Sequence[Constraint]) -> list[LoopGroup]:
     """The groups of loops of a tree with closures.
 
-    The joints of a loop are those that move one of the two frames of its closure, but not both.
+    Two loops are in one group if they share a joint, also by way of other loops.
     """
     groups: list[LoopGroup] = []
     for closure in closures:
-        joints = set[int]()  # none for a coupling
-        for name in frames_of(closure):
-            joints ^= set(model.supports[frame_named(model, name).parentJoint])
-        members = [closure]
-        # Groups that share a joint with this closure become one group with it.
-        others = []
-        for group in groups:
-            if joints.isdisjoint(group.joints):
-                others.append(group)
-            else:
-                joints |= group.joints
-                members = group.closures + members
-        groups = [*others, LoopGroup(joints, members)]
+        joints = _joints_of_loop(model, closure)
+        # Groups that share a joint with this loop become one group with it.
+        sharing = [group for group in groups if not joints.isdisjoint(group.joints)]
+        groups = [group for group in groups if joints.isdisjoint(group.joints)]
+        members = [member for group in sharing for member in group.closures]
+        all_joints = joints.union(*(group.joints for group in sharing))
+        groups.append(LoopGroup(all_joints, [*members, closure]))
     return groups
+
+
+def _joints_of_loop(model: pin.Model, closure: Constraint) -> set[int]:
+    """The joints that move one frame of a closure, but not the other one; none for a coupling."""
+    joints = set[int]()
+    for name in frames_of(closure):
+        # `supports` are the joints that move a body. Those of both frames cancel.
+        joints ^= set(model.supports[frame_named(model, name).parentJoint])
+    return joints
 
 
 def longest_offset(
@@ -62,13 +66,13 @@ def longest_offset(
         model: The tree.
         joints: Indices of the joints that count.
         closures: The closures that count.
-        ground: Whether points on the ground count. Of frames on the ground, only those of closures
-            that fix the distance of their origins do: a frame of a plane or rail may be anywhere
-            on it.
+        ground: Whether points on the ground count. Even then, a frame on the ground counts only if
+            its closure fixes the distance of the two origins: the frame of a rail, for instance,
+            may be anywhere on it.
     """
-    # The points on each body, in its axes, by the index of its joint. Its own joint is at zero.
+    # The points on each body, in its axes, by the index of its joint. The origin is its own joint.
     points: dict[int, list[Array]] = {j: [np.zeros(3)] for j in joints}
-    size = max((_size(model.inertias[j]) for j in points), default=0.0)
+    size_of_bodies = max((_size(model.inertias[j]) for j in points), default=0.0)
     for j in list(points):
         points.setdefault(model.parents[j], []).append(model.jointPlacements[j].translation)
     lengths = [0.0]
@@ -83,12 +87,18 @@ def longest_offset(
             lengths.append(closure.radius)
     if not ground:
         points.pop(0, None)
-    for of_body in map(np.array, points.values()):
-        lengths.append(float(np.linalg.norm(of_body[:, None] - of_body, axis=-1).max()))
-    return max(lengths) if max(lengths) > _SMALL * size else 0.0
+    for points_of_body in map(np.array, points.values()):
+        differences = points_of_body[:, None] - points_of_body  # of all pairs
+        lengths.append(float(np.linalg.norm(differences, axis=-1).max()))
+    longest = max(lengths)
+    return longest if longest > _SMALL * size_of_bodies else 0.0
 
 
 def _size(body: pin.Inertia) -> float:
-    """Distance of the mass centre, or the radius of gyration (0 without mass) if larger, [m]."""
+    """Distance of the mass centre from the joint, or the radius of gyration if larger, [m].
+
+    Without mass there is no radius of gyration.
+    """
+    # The trace of the inertia is twice the integral of the squared distance from the mass centre.
     square = np.trace(body.inertia) / 2 / body.mass if body.mass > 0 else 0.0
     return float(max(np.linalg.norm(body.lever), np.sqrt(max(square, 0.0))))
