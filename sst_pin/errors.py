@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copyreg
 import math
+import os
 import shlex
 import sys
 import warnings
@@ -26,7 +27,7 @@ def install_command(extra: str = "") -> str:
 
 def warn_caller(message: str, category: type[Warning]) -> None:
     """Issue a warning that points to the line outside the package that led to it."""
-    folder = str(Path(__file__).parent / "_")[:-1]  # as frames name it, with the last separator
+    folder = str(Path(__file__).parent) + os.sep
     level = 1
     frame = sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename.startswith(folder):
@@ -51,8 +52,9 @@ class SSTError(Exception):
 
     samples: tuple[tuple[int, ...], ...] = ()
 
-    def __reduce__(self) -> tuple[Any, ...]:  # survives the way back from a worker process
-        # Without __init__, whose arguments may differ from `args`.
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Unpickles an error, for instance from a worker process, without a call of `__init__`: the
+        # arguments of subclasses differ from `args`.
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def name_samples(self, samples: Sequence[tuple[int, ...]], total: int) -> None:

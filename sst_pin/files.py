@@ -22,7 +22,7 @@ from .errors import FileFormatError, InputError, OutputError
 Array = NDArray[np.float64]
 #: Writes the content of one file.
 Writer = Callable[[BinaryIO], None]
-#: Names of the column of times.
+#: Other names of the column of times, which is `t_s`.
 _TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
 #: Largest size of a table, [byte].
 _LARGEST = 2**30
@@ -165,7 +165,7 @@ def text_writer(text: str) -> Writer:
 def write_files(
     files: Mapping[Path, Writer], force: bool = False, *, folder: Path | None = None
 ) -> None:
-    """Write files whole or not at all; with `force` also those that exist.
+    """Write files completely or not at all; existing files are replaced only with `force`.
 
     All targets are checked before the first is written. Each content goes to a temporary file
     beside its target. When all are complete, they replace the targets; if this fails, the targets

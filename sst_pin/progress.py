@@ -16,28 +16,28 @@ from time import monotonic, time
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-#: Until then nothing is shown, [s].
+#: Nothing is shown before this time, [s].
 PATIENCE = 2.0
 _log = getLogger("sst_pin")
 
 
-#: What is slow on the reference path.
+#: A hint for work that is slow on the reference path.
 FASTER = "in Python, chain.compile() makes the dynamics several hundred times faster"
 
 
 class Bar:
-    """A bar of tqdm with a hint; both appear only after some seconds, the bar on a terminal."""
+    """A progress bar of tqdm and a hint in the log. Both appear after `PATIENCE`."""
 
     def __init__(self, hint: str = "", **options: Any) -> None:
         self._bar: Any = None
         self._options = options
         self._hint = hint
         self._began = time()
-        self._late = monotonic() + PATIENCE
+        self._appears = monotonic() + PATIENCE
 
     def reach(self, done: float) -> None:
-        """Show how much is done."""
-        if self._bar is None and monotonic() > self._late:
+        """Show how much is done, in the unit of `total`."""
+        if self._bar is None and monotonic() > self._appears:
             from tqdm import tqdm  # its import takes longer than most calls
 
             say_once(self._hint)
@@ -56,7 +56,7 @@ class Bar:
 def counted(
     things: Iterable[T], what: str, total: int | None = None, hint: str = ""
 ) -> Iterator[T]:
-    """Things one by one, with a bar and a hint once they take longer."""
+    """Yield things one by one, with a bar called `what` and a hint if they take long."""
     with closing(Bar(hint, desc=what, total=total)) as bar:
         for done, thing in enumerate(things):
             if done:
@@ -73,7 +73,7 @@ def _watched() -> bool:
 
 @contextmanager
 def announced(text: str) -> Iterator[None]:
-    """Say once in a process what takes longer."""
+    """Log a text, once in a process, if what happens in the context takes long."""
     timer = threading.Timer(PATIENCE, say_once, [text])
     timer.daemon = True
     timer.start()

@@ -41,7 +41,7 @@ class Appearance(NamedTuple):
     size: float | None = None
     #: Length of the drawn axes, as a share of `size`.
     axis_length: float = 0.5
-    #: Ends of the arcs that joints run on, shape (2, nq), [rad]; None for none.
+    #: Lower and upper ends of the arcs on which joints move, shape (2, nq), [rad]; None for none.
     arcs: Array | None = None
     #: Whether the path is drawn on the sphere of an SST.
     spherical: bool = False

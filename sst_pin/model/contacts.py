@@ -125,7 +125,7 @@ class Contacts:
             )
 
     def check(self, model: pin.Model) -> None:
-        """Refuse frames that the tree does not have, and contacts that cannot change."""
+        """Refuse frames that the tree does not have, and contacts within one body."""
         for rope in self.ropes:
             frame_named(model, rope.frame_a)  # raises an error for an unknown frame
             frame_named(model, rope.frame_b)

@@ -186,12 +186,15 @@ class Lines:
         return np.asarray(tensions)
 
     def taut(self, lengths: Array, rates: Array) -> Array:
-        """1 for lines with a tension without motors, 0 for slack cables, shape (..., lines)."""
+        """0 for slack cables, 1 for all other lines, shape (..., lines).
+
+        A cable is slack where its spring, damper and preload together would push.
+        """
         is_slack = self.pull_only & (self._unlimited_tensions(lengths, rates) <= 0)
         return np.where(is_slack, 0.0, 1.0)
 
     def _unlimited_tensions(self, lengths: Array, rates: Array) -> Array:
-        """Tensions of springs, dampers and preloads, also negative tensions of cables."""
+        """Tensions of springs, dampers and preloads; a negative one makes a cable slack."""
         springs = self.stiffness * (lengths - self.rest_lengths)
         return np.asarray(self.preload + springs + self.damping * rates)
 
@@ -201,7 +204,8 @@ class Lines:
         preload = self.preload
         stretch = lengths - self.rest_lengths
         is_slack = self.pull_only & (preload + stiffness * stretch < 0)
-        # A slack cable has the energy of the stretch at which its tension begins, or none.
+        # The energy of a slack cable does not change: it is the energy at the stretch where the
+        # tension begins, preload + stiffness stretch = 0. Without stiffness it is 0.
         begin = np.divide(-preload, stiffness, out=np.zeros_like(stretch), where=stiffness > 0)
         stretch[is_slack] = begin[is_slack]
         return float((preload + stiffness * stretch / 2).dot(stretch))

@@ -13,12 +13,12 @@ _OF_JOINTS = (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
 def frame_id(model: pin.Model, name: str | None) -> int:
     """Index of a frame.
 
-    A link, a site or a point comes before the joint of the same name, which may stand elsewhere.
-    Other frames of one name must coincide.
+    If a joint and a link, a site or a point have the same name, the name means the latter; the
+    joint may be elsewhere. Other frames with the same name must coincide.
     """
     if not (isinstance(name, str) and model.existFrame(name)):
         raise UnknownNameError("frame", str(name), [f.name for f in model.frames])
-    with suppress(ValueError):  # several frames of the name
+    with suppress(ValueError):  # Pinocchio raises it for several frames with this name
         return int(model.getFrameId(name))
     same = [i for i, frame in enumerate(model.frames) if frame.name == name]
     points = [i for i in same if model.frames[i].type not in _OF_JOINTS]
