@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks arguments, applies functions of one sample to batches, and wraps angles.
+"""Checks arguments, and applies functions of one sample to batches.
 
-The core axes of an array are those of one sample. The axes before them are those of a batch.
+An array of shape (..., *core) holds samples of the shape `core`. The axes before these core axes
+are those of a batch: without them the array is a single sample.
 """
 
 import math
@@ -15,20 +16,23 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import InputError, SSTError
 from .progress import counted
 
-#: Arrays of real numbers, of indices, and of booleans.
+# Arrays of real numbers, of indices, and of booleans.
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 T = TypeVar("T")
 _Numbers = TypeVar("_Numbers", Array, Indices)
-#: The default policy for samples that fail. Control loops compare `on_error is RAISE`, since an
-#: array has no truth value by `==`; an equal string that is another object takes the longer way.
+#: The default policy for samples that fail. Control loops test `on_error is RAISE`, which is fast
+#: and works for any object that a caller may pass; if it fails, they check `on_error`.
 RAISE = "raise"
 
 
 def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
-    """The value as float64 of shape (..., *core); only real numbers without a mask are allowed."""
+    """The value as float64 of shape (..., *core); anything but real numbers is refused.
+
+    Masked arrays are refused too. Numbers may be infinite or NaN, see `finite_array`.
+    """
     if type(value) is np.ndarray and value.shape == core and value.dtype is _FLOAT64:
         return value  # the short way for one sample in a control loop
     if value is None:
@@ -42,7 +46,8 @@ def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array
     if _masked(value):
         raise InputError(name, "a masked array; fill its gaps, e.g. by value.filled(nan)")
     array = array.astype(float, copy=False)
-    if array.shape[max(array.ndim - len(core), 0) :] != core:
+    last_axes = array.shape[max(array.ndim - len(core), 0) :]
+    if last_axes != core:
         wanted = f"(..., {str(core)[1:-1].rstrip(',')})"
         raise InputError(name, f"shape {array.shape}, expected {wanted}")
     return array
@@ -59,15 +64,16 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
     """`as_array`, every number finite; the error names the samples of a batch."""
     array = as_array(name, value, core)
     finite = np.isfinite(array)
-    if not finite.all():
-        # The first bad entry, by its indices among the core axes.
-        bad = np.argwhere(~finite)[0]
-        entry = float(array[tuple(bad)])
-        at = [int(i) for i in bad[len(bad) - len(core) :]]
-        error = InputError(name, f"entry {at} is {entry}" if core else f"{entry} is not finite")
-        batch = array.shape[: array.ndim - len(core)]
-        raise of_samples(error, np.asarray(~finite.reshape(*batch, -1).all(axis=-1)))
-    return array
+    if finite.all():
+        return array
+    indices = np.argwhere(~finite)[0]  # of the first bad entry
+    entry = float(array[tuple(indices)])
+    batch_axes = array.ndim - len(core)
+    in_sample = [int(i) for i in indices[batch_axes:]]
+    error = InputError(name, f"entry {in_sample} is {entry}" if core else f"{entry} is not finite")
+    core_axes = tuple(range(batch_axes, array.ndim))
+    at_fault = ~finite.all(axis=core_axes)  # which samples
+    raise of_samples(error, np.asarray(at_fault))
 
 
 def single_array(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Array:
@@ -89,29 +95,33 @@ def for_each_sample(
     fast: Callable[[list[Array | None], Array], NDArray[np.intp]] | None = None,
     hint: str = "",
 ) -> Array:
-    """Apply a function of single samples along the broadcast leading axes.
+    """Apply a function of single samples to a batch: the leading axes of the arrays, broadcast.
 
     Args:
         function: Computes the result of one sample, from a sample of each array.
-        arrays: Arrays with a batch of samples; for None, the function gets None.
-        core_axes: Number of axes of one sample, for each array.
+        arrays: Arrays with a batch of samples or one sample for all. Instead of an array it may be
+            None, which the function gets then.
+        core_axes: Number of core axes of each array.
         result: Shape of the result of one sample.
         on_error: With "nan" samples that fail become NaN. With "raise" the error is that of the
             first sample at fault, and names all samples with an error of this class.
         out: Gets the results, shape (..., *result). It may overlap the arrays; after an error it
             may hold a part of the results.
-        fast: Fills results, shape (samples, size), from the samples of each array, and returns the
-            indices of the samples that it leaves to `function`.
+        fast: Fills results, shape (samples, size), from the samples of each array, shape
+            (samples, ...). It returns the indices of the samples that it leaves to `function`.
         hint: Logged if the work takes long.
+
+    Returns:
+        Results, shape (..., *result), with the axes of the batch in front. It is `out` if given.
     """
     require_policy(on_error)
     batch, samples = flattened(arrays, core_axes)
     require_fitting(out, batch + result)
     count = math.prod(batch)
 
-    # Results go straight into `out` where that is safe; else they are copied at the end.
-    straight = out is not None and _holds_results(out, samples)
-    if out is not None and straight:
+    # Results are written directly into `out` where that is safe; else they are copied at the end.
+    writes_into_out = out is not None and _holds_results(out, samples)
+    if out is not None and writes_into_out:
         results = np.asarray(out).reshape(count, *result)
     else:
         results = empty((count, *result))
@@ -136,14 +146,17 @@ def for_each_sample(
 
     if out is None:
         return results.reshape(batch + result)
-    if not straight:
+    if not writes_into_out:
         out[...] = results.reshape(batch + result)
     return out
 
 
 def _holds_results(out: Array, samples: Iterable[Array | None]) -> bool:
-    """Whether results can be written into `out` one by one: it is dense, and holds no argument."""
-    dense = np.asarray(out)  # without what a matrix or a memory map does differently
+    """Whether results can be written into `out` one by one.
+
+    `out` must be dense, and share no memory with an argument that is still needed.
+    """
+    dense = np.asarray(out)  # a plain array, also for subclasses such as memory maps
     if not dense.flags.carray:
         return False
     arguments = [array for array in samples if array is not None]
@@ -184,7 +197,7 @@ def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
 
 
 def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
-    """A list of names; a single string and anything that is not a string are refused."""
+    """A sequence of names as a tuple; a single string, or an entry that is none, is refused."""
     if isinstance(value, Mapping):
         raise InputError(name, f"{value!r}: a sequence of names is needed; it takes no values")
     if isinstance(value, str) or not isinstance(value, Iterable):
@@ -219,7 +232,7 @@ def whole_number(name: str, value: int, least: int) -> int:
 def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
     """A finite number above 0, or 0 where it may be."""
     if isinstance(value, float) and 0 < value < np.inf:
-        return float(value)  # in a tenth of the time of the checks of anything else
+        return float(value)  # the short way, ten times as fast
     number = float(single_array(name, value, ()))
     if number < 0 or (number == 0 and not or_zero):
         raise InputError(name, f"{number:g} is {'below' if or_zero else 'not above'} 0")
@@ -238,9 +251,10 @@ def one_or_each(name: str, value: ArrayLike, count: int, *, or_zero: bool = Fals
 def flattened(
     arrays: Sequence[Array | None], core_axes: Sequence[int]
 ) -> tuple[tuple[int, ...], list[Array | None]]:
-    """The broadcast leading axes, and each array with them in a row, shape (count, *core).
+    """The shape of the batch, and each array broadcast to it as samples, shape (count, *core).
 
-    The arrays are views where NumPy can make them. None stays None.
+    The batch is the broadcast of the leading axes; count is its number of samples. The arrays are
+    views where NumPy can make them. None stays None.
     """
     leading = list[tuple[int, ...]]()
     for array, axes in zip(arrays, core_axes, strict=True):
@@ -275,7 +289,7 @@ def of_samples(error: E, at_fault: Flags) -> E:
 
 
 def name_samples(error: SSTError, flat: Sequence[int], batch: tuple[int, ...]) -> None:
-    """Add the indices of the samples that failed to an error."""
+    """Add the samples that failed to an error, by their numbers in the flattened batch."""
     if batch:
         indices = zip(*np.unravel_index(flat, batch), strict=True)
         error.name_samples([tuple(map(int, index)) for index in indices], math.prod(batch))
@@ -291,8 +305,8 @@ def require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
         raise InputError("out", "a masked array; masked entries may not be written")
     if out.shape != shape:
         raise InputError("out", f"shape {out.shape}, expected {shape}")
-    steps = zip(shape, out.strides, strict=True)
-    if out.size and any(size > 1 and not step for size, step in steps):
+    strides = zip(shape, out.strides, strict=True)
+    if out.size and any(size > 1 and not stride for size, stride in strides):
         raise InputError("out", "entries share memory, as those of numpy.broadcast_to")
 
 
