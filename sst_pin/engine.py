@@ -89,65 +89,6 @@ def require_robot(name: str, value: object) -> None:
         raise InputError(name, f"a {type(value).__name__} is not a robot; {text}")
 
 
-def _answer(
-    kernel: Kernel,
-    shape: tuple[int, ...],
-    q: ArrayLike,
-    vectors: Mapping[str, ArrayLike],
-    moment: ArrayLike | None,
-    out: Array | None,
-    threads: int,
-) -> tuple[bool, Array | None]:
-    """Whether `Kernel.answer` was asked, and its answer in the shape of the quantity, or None.
-
-    It takes at most two vectors besides q, and gives a matrix as a row of its entries. So it is not
-    asked if there are more vectors, or if `out` is to hold matrices.
-
-    Args:
-        kernel: The kernel.
-        shape: Shape of the result of one sample.
-        q: Configurations.
-        vectors: The other arguments, by their names.
-        moment: The moment on the platform, the only load that `Kernel.answer` takes.
-        out: As for `ClosedChain`.
-        threads: As for `ClosedChain`.
-    """
-    is_matrix = len(shape) > 1
-    if len(vectors) > 2 or (is_matrix and out is not None):
-        return False, None
-    b, c, *_ = (*vectors.values(), None, None)
-    result = kernel.answer(q, b, c, moment, out, threads)
-    if is_matrix and result is not None:
-        result = result.reshape(*result.shape[:-1], *shape)
-    return True, result
-
-
-def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
-    """Whether `out` may be a part of an argument; kernels do not answer then."""
-    return isinstance(out, np.ndarray) and any(
-        array is not None and np.may_share_memory(array, out) for array in samples
-    )
-
-
-def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
-    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
-    arguments = []
-    for array in flat:
-        if array is not None:
-            size = int(np.prod(array.shape[1:]))  # of one sample
-            arguments.append(np.require(array, float, "A").reshape(len(result), size))
-    return kernel.many(tuple(arguments), result, threads)
-
-
-def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
-    """A function like `of_sample(q, va, aa, tau, wrenches)` that has no tau and passes None."""
-
-    def with_none(q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
-        return of_sample(q, va, aa, None, wrenches)
-
-    return with_none
-
-
 class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
@@ -778,6 +719,65 @@ class Engine:
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
+
+
+def _answer(
+    kernel: Kernel,
+    shape: tuple[int, ...],
+    q: ArrayLike,
+    vectors: Mapping[str, ArrayLike],
+    moment: ArrayLike | None,
+    out: Array | None,
+    threads: int,
+) -> tuple[bool, Array | None]:
+    """Whether `Kernel.answer` was asked, and its answer in the shape of the quantity, or None.
+
+    It takes at most two vectors besides q, and gives a matrix as a row of its entries. So it is not
+    asked if there are more vectors, or if `out` is to hold matrices.
+
+    Args:
+        kernel: The kernel.
+        shape: Shape of the result of one sample.
+        q: Configurations.
+        vectors: The other arguments, by their names.
+        moment: The moment on the platform, the only load that `Kernel.answer` takes.
+        out: As for `ClosedChain`.
+        threads: As for `ClosedChain`.
+    """
+    is_matrix = len(shape) > 1
+    if len(vectors) > 2 or (is_matrix and out is not None):
+        return False, None
+    b, c, *_ = (*vectors.values(), None, None)
+    result = kernel.answer(q, b, c, moment, out, threads)
+    if is_matrix and result is not None:
+        result = result.reshape(*result.shape[:-1], *shape)
+    return True, result
+
+
+def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
+    """Whether `out` may be a part of an argument; kernels do not answer then."""
+    return isinstance(out, np.ndarray) and any(
+        array is not None and np.may_share_memory(array, out) for array in samples
+    )
+
+
+def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
+    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
+    arguments = []
+    for array in flat:
+        if array is not None:
+            size = int(np.prod(array.shape[1:]))  # of one sample
+            arguments.append(np.require(array, float, "A").reshape(len(result), size))
+    return kernel.many(tuple(arguments), result, threads)
+
+
+def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
+    """A function like `of_sample(q, va, aa, tau, wrenches)` that has no tau and passes None."""
+
+    def with_none(q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
+        return of_sample(q, va, aa, None, wrenches)
+
+    return with_none
 
 
 def _unpickled(
