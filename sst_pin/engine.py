@@ -96,6 +96,7 @@ class Engine:
     it in this order, until there is a result:
 
     1. It asks `Kernel.answer`, with unchecked arguments, because checks take longer than a kernel.
+       If the arguments are wrong, or a sample fails a check of the kernel, there is no answer.
     2. It checks the arguments. If they are wrong, it raises an error.
     3. For a batch it calls `Kernel.many`. A single sample that got no answer in step 1 skips this:
        it would fail the same checks of the kernel.
@@ -190,9 +191,13 @@ class Engine:
 
     # --- kernel or reference path -----------------------------------------------------------
     #
-    # These functions do the four steps. `key` says which quantity it is, and `shape` is that of the
-    # result for one sample. `of_sample` is the reference path: it computes one sample. `vectors`
-    # are the arguments besides q, by their names, in the order of `of_sample`.
+    # These functions do the four steps: `_without_loads` and `_under_loads` do the first two, and
+    # `_each_sample` does the last two. Their arguments are:
+    #   key        which quantity it is
+    #   of_sample  the function of the reference path that computes one sample
+    #   shape      the shape of the result for one sample
+    #   vectors    the arguments besides q, by their names, in the order of `of_sample`
+    # `asked` is whether `Kernel.answer` has got these arguments; then it gave no answer.
 
     def _without_loads(
         self,
@@ -209,9 +214,9 @@ class Engine:
         """A quantity that has no loads; the reference path is `of_sample(q, *vectors)`."""
         require_policy(on_error)
         kernel = self.kernel(key)
-        asked = False
-        if kernel is not None and on_error == "raise":
-            asked, answer = _answer(kernel, shape, q, vectors, None, out, threads)
+        asked = kernel is not None and on_error == "raise" and _can_answer(shape, vectors, out)
+        if kernel is not None and asked:
+            answer = _answer(kernel, shape, q, vectors, None, out, threads)
             if answer is not None:
                 return answer
         if key.frame is not None:
@@ -247,27 +252,30 @@ class Engine:
     ) -> Array:
         """A quantity under loads; the reference path is `of_sample(q, *vectors, wrenches)`.
 
-        A quantity has two kernels: one without wrenches, which takes a moment on the platform, and
-        one with wrenches on all bodies (`loaded`). `kernel_exists` is False if they do not take all
-        arguments, and `ask_kernel` if the caller has asked `Kernel.answer` already.
+        A quantity has two kernels. The first one takes no wrenches, but a moment on the platform.
+        The second one (`loaded`) takes wrenches on all bodies. `kernel_exists` is False if neither
+        can compute what is asked for, such as torques with weights. `ask_kernel` is False if the
+        caller has asked `Kernel.answer` already.
         """
         require_policy(on_error)
-        # Step 1. The kernel without wrenches; None if there are wrenches.
+        # Step 1, with the first kernel, if there are no wrenches.
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
-        asked = not ask_kernel  # whether a kernel had these arguments and gave no answer
+        asked = not ask_kernel
         if kernel is not None and ask_kernel and on_error == "raise":
-            asked, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
-            if answer is not None:
-                return answer
+            asked = _can_answer(shape, vectors, out)
+            if asked:
+                answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
+                if answer is not None:
+                    return answer
         # Step 2. From here on, a moment on the platform is one of the wrenches on all bodies.
         wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         state = self.arguments.state(q, **vectors)
         axes = [1 for _ in state]
         axes.append(2)  # of the wrenches
-        # Steps 3 and 4. `Kernel.many` takes no moment on the platform, but wrenches in the kernel
-        # for them.
+        # Steps 3 and 4. `Kernel.many` takes no moment on the platform: with loads it has to be that
+        # of the second kernel.
         if kernel_exists and wrenches is not None:
             kernel = self.kernel(key._replace(loaded=True))
         return self._each_sample(
@@ -303,10 +311,10 @@ class Engine:
             axes: Number of axes of one sample, for each of `samples`.
             shape: Shape of the result of one sample.
             kernel: The kernel, None if there is none.
-            asked: Whether `Kernel.answer` was asked; it has given no answer.
-            out: As for `ClosedChain`, like the others.
-            threads: For batches in kernels.
-            on_error: "raise" or "nan".
+            asked: Whether `Kernel.answer` has got these arguments; it gave no answer.
+            out: Array for the results, or None.
+            threads: Number of threads of `Kernel.many`.
+            on_error: "raise" or "nan", for samples that fail.
         """
         threads = whole_number("threads", threads, 1)
         single = all(
@@ -473,8 +481,8 @@ class Engine:
     ) -> Array:
         """Results of `of_sample(q, va, aa, tau, wrenches, compliances)`, shape (..., *shape).
 
-        One of aa and tau is None; it follows from the other. `of_sample` gets both, because where
-        motors work against each other, tau is not unique for aa.
+        The caller gives either aa or tau; the other one is None and is computed first. `of_sample`
+        gets both: where motors work against each other, aa alone does not determine tau.
         """
         if (aa is None) == (tau is None):
             raise InputError("aa, tau", "one of them is needed, not both")
@@ -486,7 +494,7 @@ class Engine:
             of_sample = partial(of_sample, compliances=compliances)
         vectors = {"va": va, "aa": aa}
         if self.mechanism.driven_one_to_one:
-            of_sample = _without_torques(of_sample)  # tau is unique for aa, and follows from it
+            of_sample = _without_torques(of_sample)  # it computes tau from aa, which is unique
         else:
             vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
         return self._under_loads(
@@ -530,13 +538,16 @@ class Engine:
         )
 
     def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
-        """D, shape (..., n, n), for coordinates whose axes turn with their bodies; see `linearize`.
+        """D, shape (..., n, n): x_dot = dva + D x for displacements x from a motion.
 
-        A displacement x of the coordinates along a motion v has the rate x_dot = dva + D x, where
-        dva are the rates of the displaced motion minus those of the motion. For the joints, with
-        the displacement d = L x, this difference is d_dot + [v, d]: two displacements of a body
-        about its own axes do not commute, and [a, b] is the bracket of twists. So column k of D is
-        -S [v, L e_k], where S selects the coordinates.
+        A second motion is displaced from a motion by small x in the coordinates, and dva are its
+        rates va minus those of the motion. D differs from zero only if coordinates are rates
+        whose axes turn with the body, such as those of balls. `linearize` uses it.
+
+        In the rates v of all joints the displacement is d = L x. About axes of the body, the second
+        motion has the rates v + d_dot + [v, d] with the bracket [a, b] of twists, because small
+        displacements do not commute. S selects the coordinates: dva = x_dot + S [v, L x]. So column
+        k of D is -S [v, L e_k].
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
@@ -557,10 +568,10 @@ class Engine:
     ) -> D:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed.
 
-        `vectors` are two: va, and aa or tau.
+        `vectors` has va, and then aa or tau.
         """
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
-        # Step 1. `Kernel.derivatives` is `Kernel.answer` with a result of another kind. It takes no
+        # Step 1. `Kernel.derivatives` is `Kernel.answer` with a result of this kind. It takes no
         # loads and no options. If it has been asked, `_under_loads` does not ask again.
         kernel = None
         if external_wrenches is None and not options:
@@ -571,14 +582,19 @@ class Engine:
             answer: D | None = kernel.derivatives(kind, q, second, third, one_thread)
             if answer is not None:
                 return answer
-        # What wrenches at frames add, see `_slope_of_arms`. It is computed first, because `out` may
+        # Wrenches at frames add a term. It is computed before the derivatives, because `out` may
         # share memory with the arguments.
-        slope = inertia = None
+        by_q_of_arms = None
         if isinstance(external_wrenches, Mapping):
+            # The wrenches supply a part of the forces f that the motion needs: df/dq falls by the
+            # slope. The accelerations are M^-1 (... - f): d(aa)/dq grows by M^-1 times the slope.
             policy = options.get("on_error", "raise")
             slope = self._slope_of_arms(external_wrenches, q, policy)
-            if kind is AccelerationDerivatives:
+            if kind is TorqueDerivatives:
+                by_q_of_arms = -slope
+            else:
                 inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
+                by_q_of_arms = np.linalg.solve(inertia, slope)
         matrices = self._under_loads(
             key,
             partial(of_sample, sign_width=key.sign_width),
@@ -589,16 +605,13 @@ class Engine:
             external_wrenches=external_wrenches,
             **options,
         )
-        # A plain view: `out` of the caller may be of a subclass of arrays.
-        matrices = np.asarray(matrices)
+        matrices = np.asarray(matrices)  # a plain view: `out` may be of a subclass of arrays
         n = self._n
         by_q = matrices[..., :n]
         by_v = matrices[..., n : 2 * n]
         by_input = matrices[..., 2 * n :]  # by aa, or by tau
-        if slope is not None:
-            # The wrenches supply a part of the forces f that the motion needs: f falls by their
-            # slope, and the accelerations M^-1 (...) grow by M^-1 times it. `out` changes in place.
-            by_q += -slope if inertia is None else np.linalg.solve(inertia, slope)
+        if by_q_of_arms is not None:
+            by_q += by_q_of_arms  # in place, so that `out` has it too
         return kind(by_q, by_v, by_input)
 
     def _slope_of_arms(
@@ -609,18 +622,19 @@ class Engine:
         `EngineArguments.wrenches` moves a wrench from its frame to the mass centre of the body: it
         adds the moment arm x force, with the arm from the mass centre to the frame.
         `_under_loads` differentiates for constant wrenches at the mass centres. But the arm turns
-        with the body, and so the moment changes: that is the part here.
+        with the body, and so the moment changes: this change is the part computed here.
         """
         slope = np.zeros((self._n, self._n))
         for name, value in wrenches.items():
             _, wrench = self.arguments.at_frame(name, value, on_error)
             arm = self.arguments.arms(name, q)
-            J = self.frame_jacobian(q, name, on_error=on_error)[..., 3:, :]
-            # An arm r of a body with the angular velocity w has the rate w x r; for coordinate k, w
-            # is column k of J. The moment has the rate (w x r) x force.
-            turned = np.cross(J.mT, arm[..., None, :])
-            moments = np.cross(turned, wrench[..., None, :3])
-            slope = slope + J.mT @ moments.mT
+            J = self.frame_jacobian(q, name, on_error=on_error)[..., 3:, :]  # angular, (..., 3, n)
+            # The arm r of a body with the angular velocity w has the rate w x r, and the moment
+            # r x force has the rate (w x r) x force. At the unit rate of coordinate k, w is column
+            # k of J. Rows of these arrays are coordinates, shape (..., n, 3).
+            rates_of_arm = np.cross(J.mT, arm[..., None, :])
+            rates_of_moment = np.cross(rates_of_arm, wrench[..., None, :3])
+            slope = slope + J.mT @ rates_of_moment.mT
         return slope
 
     # --- kinematics -------------------------------------------------------------------------
@@ -681,9 +695,9 @@ class Engine:
         J = self.actuator_jacobian(q, on_error=on_error)
         if self.mechanism.driven_one_to_one:
             return np.zeros((*J.shape[:-1], 0))
-        # The directions at a regular configuration, to which those of the first sample are made
-        # similar. There is none if the coordinates do not suit the assembly mode of the
-        # example; the first regular sample then takes its place.
+        # Any basis of the directions would do. The basis of the first sample is chosen near to that
+        # at a regular configuration, the example. If the coordinates are singular there, it is
+        # chosen near to that at the first regular sample.
         try:
             regular = self.actuator_jacobian(self.loops.example())
         except (ClosureError, SingularConfigurationError):
@@ -721,6 +735,18 @@ class Engine:
         return self.reference.moved(q, step)
 
 
+def _can_answer(
+    shape: tuple[int, ...], vectors: Mapping[str, ArrayLike], out: Array | None
+) -> bool:
+    """Whether `Kernel.answer` can be asked.
+
+    It takes at most two vectors besides q. It gives a matrix as a row of its entries, and so cannot
+    write matrices into `out`.
+    """
+    is_matrix = len(shape) > 1
+    return len(vectors) <= 2 and not (is_matrix and out is not None)
+
+
 def _answer(
     kernel: Kernel,
     shape: tuple[int, ...],
@@ -729,40 +755,37 @@ def _answer(
     moment: ArrayLike | None,
     out: Array | None,
     threads: int,
-) -> tuple[bool, Array | None]:
-    """Whether `Kernel.answer` was asked, and its answer in the shape of the quantity, or None.
-
-    It takes at most two vectors besides q, and gives a matrix as a row of its entries. So it is not
-    asked if there are more vectors, or if `out` is to hold matrices.
+) -> Array | None:
+    """The result of `Kernel.answer` in the shape of the quantity, or None.
 
     Args:
         kernel: The kernel.
         shape: Shape of the result of one sample.
         q: Configurations.
-        vectors: The other arguments, by their names.
+        vectors: The other arguments, by their names, at most two.
         moment: The moment on the platform, the only load that `Kernel.answer` takes.
         out: As for `ClosedChain`.
         threads: As for `ClosedChain`.
     """
-    is_matrix = len(shape) > 1
-    if len(vectors) > 2 or (is_matrix and out is not None):
-        return False, None
-    b, c, *_ = (*vectors.values(), None, None)
-    result = kernel.answer(q, b, c, moment, out, threads)
-    if is_matrix and result is not None:
+    second, third, *_ = (*vectors.values(), None, None)  # None for a vector that is not there
+    result = kernel.answer(q, second, third, moment, out, threads)
+    if len(shape) > 1 and result is not None:
         result = result.reshape(*result.shape[:-1], *shape)
-    return True, result
+    return result
 
 
 def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
-    """Whether `out` may be a part of an argument; kernels do not answer then."""
+    """Whether `out` may share memory with an argument; `Kernel.answer` gives no answer then."""
     return isinstance(out, np.ndarray) and any(
         array is not None and np.may_share_memory(array, out) for array in samples
     )
 
 
 def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
-    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
+    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves.
+
+    `flat` are the arguments of N samples, shape (N, ...), None for no wrenches.
+    """
     arguments = []
     for array in flat:
         if array is not None:

@@ -74,9 +74,9 @@ class EngineArguments:
         return arrays
 
     def _require_rest(self, others: Mapping[str, ArrayLike]) -> None:
-        """Refuse what moves a robot without coordinates: its va and aa are empty.
+        """Check that a robot without coordinates is at rest: its va and aa have to be empty.
 
-        A robot that was never assembled (`example` is None) is refused even at rest.
+        If it was never assembled (`example` is None), it is refused at rest too.
         """
         mechanism = self._mechanism
         moves = any(np.size(value) for name, value in others.items() if name != "tau")
@@ -90,8 +90,8 @@ class EngineArguments:
         try:
             return as_array(name, value, (n,))
         except InputError as error:
-            if n != mechanism.motor_count:  # a likely mistake is a number for each motor
-                # The same error with a longer message.
+            if n != mechanism.motor_count:
+                # The caller may have given a number for each motor. So the message says more.
                 names = listed(mechanism.coordinate_rate_names)
                 error.args = (
                     f"{error.args[0]}: one for each rate of the coordinates {names}; in another "
@@ -108,10 +108,11 @@ class EngineArguments:
         on_error: str,
         q: ArrayLike | None = None,
     ) -> Array | None:
-        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None.
+        """Wrenches on all bodies, shape (..., r, 6); None if there are no loads.
 
-        Wrenches at frames need the configurations q. Numbers that are not finite are refused here:
-        kernels leave out wrenches that do no work, so NaN would not reach their results.
+        The platform's moment is added to the wrench on its body. Wrenches at frames need the
+        configurations q. Numbers that are not finite are refused here: kernels leave out wrenches
+        that do no work, so NaN would not reach their results.
         """
         model = self._mechanism.model
         shape = model.njoints - 1, 6
@@ -124,8 +125,8 @@ class EngineArguments:
             return wrenches
         body = body_of(model, self._platform)
         if body is None:
-            cure = f'the robot has no body with a frame "{self._platform}"; use external_wrenches='
-            raise InputError("platform_moment", cure)
+            problem = f'the robot has no body with a frame "{self._platform}"'
+            raise InputError("platform_moment", f"{problem}; use external_wrenches=")
         moment = _finite_loads("platform_moment", platform_moment, (3,), on_error)
         on_platform = np.zeros((*moment.shape[:-1], *shape))
         on_platform[..., body, 3:] = moment
@@ -147,15 +148,15 @@ class EngineArguments:
             body, wrench = self.at_frame(name, value, on_error)
             force = wrench[..., :3]
             moment = wrench[..., 3:]
-            arm = self.arms(name, q)
+            arm = self.arms(name, q)  # from the mass centre to the frame
             try:
-                shifted = moment + np.cross(arm, force)
+                moment_at_centre = moment + np.cross(arm, force)
             except ValueError:
                 problem = f"shape {wrench.shape} does not fit q of shape {np.shape(q)}"
                 raise InputError(f"external_wrenches[{name!r}]", problem) from None
-            on_one_body = np.zeros((*shifted.shape[:-1], count, 6))
+            on_one_body = np.zeros((*moment_at_centre.shape[:-1], count, 6))
             on_one_body[..., body, :3] = force
-            on_one_body[..., body, 3:] = shifted
+            on_one_body[..., body, 3:] = moment_at_centre
             try:
                 on_bodies = on_bodies + on_one_body
             except ValueError:
@@ -164,7 +165,7 @@ class EngineArguments:
         return on_bodies
 
     def frame_wrenches(self, wrenches: Wrenches | None) -> FrameWrenches | None:
-        """Wrenches at frames, one after the other; None if wrenches are not given at frames."""
+        """Wrenches at frames with their bodies; None if wrenches are not given at frames."""
         if not isinstance(wrenches, Mapping) or not wrenches:
             return None
         bodies = []
@@ -173,11 +174,11 @@ class EngineArguments:
             body, wrench = self.at_frame(name, value, "raise")
             bodies.append(body)
             values.append(wrench)
-        stacked = np.stack(np.broadcast_arrays(*values), axis=-2)
+        stacked = np.stack(np.broadcast_arrays(*values), axis=-2)  # (..., frames, 6)
         return FrameWrenches(frames=list(wrenches), bodies=bodies, wrenches=stacked)
 
     def at_frame(self, name: str, value: ArrayLike, on_error: str) -> tuple[int, Array]:
-        """The body of a frame, from 0, and the wrench at the frame, shape (..., 6)."""
+        """The index of a frame's body, from 0, and the checked wrench `value`, shape (..., 6)."""
         argument = f"external_wrenches[{name!r}]"
         wrench = _finite_loads(argument, value, (6,), on_error)
         frame_id(self._mechanism.model, name)  # refuses unknown names
@@ -203,7 +204,7 @@ class EngineArguments:
         data = self._tree_of_thread.data
         index = frame_id(model, name)
         frame = model.frames[index]
-        # Axes of the body of the normal tree are those of the frame's parent joint.
+        # In axes of the parent joint, which are also those of its body in the normal tree.
         from_centre = frame.placement.translation - model.inertias[frame.parentJoint].lever
         body = tree.bodies[frame.parentJoint]
 

@@ -22,9 +22,9 @@ class Kernel(Protocol):
         """
 
     def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
-        """Derivatives by a, b and c as a tuple of this kind, from a kernel of derivatives.
+        """Derivatives by a, b and c as an object of the class `kind`, for a kernel of derivatives.
 
-        It is None in the same cases as that of `answer`.
+        It is None in the same cases as the result of `answer`.
         """
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
@@ -48,13 +48,17 @@ class Kernels(Protocol):
         """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
 
     def closed(self, q: Array, /) -> Array | None:
-        """The closed configuration near q with the coordinates fixed; None to ask the reference."""
+        """The closed configuration near q with the coordinates fixed; None if kernels find none.
+
+        Then the reference path has to be asked.
+        """
 
     def state_space(self, friction: Friction) -> StateSpace:
         """The state space with this friction instead of the mechanism's."""
 
     def nonsmooth(self, rows: NonsmoothRows, loaded: bool, many: bool) -> Any:
-        """Steps with stops, friction and contacts; None if they cannot be compiled.
+        """Kernel of steps with stops, friction and contacts; None if it cannot be compiled.
 
-        They are compiled for one motion, or for several at once.
+        `loaded` is whether there are external wrenches, and `many` whether several motions are
+        computed at once.
         """
