@@ -584,7 +584,7 @@ class Engine:
                 return answer
         # Wrenches at frames add a term. It is computed before the derivatives, because `out` may
         # share memory with the arguments.
-        by_q_of_arms = None
+        by_q_of_arms: Array | None = None
         if isinstance(external_wrenches, Mapping):
             # The wrenches supply a part of the forces f that the motion needs: df/dq falls by the
             # slope. The accelerations are M^-1 (... - f): d(aa)/dq grows by M^-1 times the slope.
@@ -594,7 +594,7 @@ class Engine:
                 by_q_of_arms = -slope
             else:
                 inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
-                by_q_of_arms = np.linalg.solve(inertia, slope)
+                by_q_of_arms = np.asarray(np.linalg.solve(inertia, slope), float)
         matrices = self._under_loads(
             key,
             partial(of_sample, sign_width=key.sign_width),

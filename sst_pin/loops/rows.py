@@ -64,7 +64,7 @@ class FrameRows:
         #: The rows of S for the path, for B and A; 0 for rates that do not move B, or A. Shape
         #: (2, rates of the path, nv).
         self._S_of_frames = self._moves[:, self._path, None] * S_of_path
-        self.touched: Flags = S_of_path.any(axis=0)
+        self.touched: Flags = np.asarray(S_of_path.any(axis=0))
         self.curved = self.touched
 
     def error(self, pair: FramePair, q: Array) -> Array:

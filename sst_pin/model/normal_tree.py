@@ -17,23 +17,23 @@ from ..arrays import Array, Flags
 
 
 class _Position(NamedTuple):
-    """An entry of q of the normal tree: factor * q[index] + offset, with the original q."""
+    """An entry of q of the normal tree: factor * q[entry] + offset, with the original q."""
 
-    index: int
+    entry: int
     factor: float
     offset: float
 
 
 class _Rate(NamedTuple):
-    """A rate of the normal tree: factor * v[index], with the original v.
+    """A rate of the normal tree: factor * v[entry], with the original v.
 
     Attributes:
-        index: Index in the original v.
+        entry: Index in the original v.
         factor: 1, or the factor of a mimic joint.
         rotors: Part of the armature of the original rate that this rate gets, 1 or 0.
     """
 
-    index: int
+    entry: int
     factor: float
     rotors: float
 
@@ -81,13 +81,13 @@ class NormalTree:
         for frame in map(pin.Frame, list(original.frames)[1:]):
             frame.parentJoint = self.bodies[frame.parentJoint]
             self.model.addFrame(frame, False)
-        self.entries = np.array([position.index for position in positions], dtype=np.intp)
+        self.entries = np.array([position.entry for position in positions], dtype=np.intp)
         self.factors = np.array([position.factor for position in positions], dtype=float)
         self.offsets = np.array([position.offset for position in positions], dtype=float)
         self.S = np.zeros((len(rates), original.nv))
         for k, rate in enumerate(rates):
-            self.S[k, rate.index] = rate.factor
-            self.model.armature[k] = original.armature[rate.index] * rate.rotors
+            self.S[k, rate.entry] = rate.factor
+            self.model.armature[k] = original.armature[rate.entry] * rate.rotors
 
     def configurations(self, q: Array) -> Array:
         """Configurations of the normal tree for configurations q of the model, shape (..., nq).

@@ -32,6 +32,7 @@ def test_a_link_whose_only_place_is_at_its_joint_up_to_rounding_has_no_length():
     model = bars.model.copy()
     wheel = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "wheel")
     model.appendBodyToJoint(wheel, pin.Inertia.Random(), pin.SE3.Identity())
+    model.referenceConfigurations["home"] = np.append(bars.home, 0.0)
     eye = pin.SE3(np.eye(3), np.array([1e-17, 0.0, 0.0]))
     model.addFrame(pin.Frame("eye", wheel, eye, pin.FrameType.OP_FRAME))
     line = sst_pin.LineForce("universe", "eye", name="cable")
