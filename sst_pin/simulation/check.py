@@ -169,7 +169,7 @@ def _condition_numbers(engine: Engine, q: Array) -> Array:
 
 
 def _limits(numbers: Sequence[float] | Array) -> Array:
-    """Limits of efforts or velocities, infinite where a file writes zero or more than `NO_LIMIT`."""
+    """Limits of efforts or velocities, infinite where a file has zero or at least `NO_LIMIT`."""
     values = np.array(numbers, dtype=float)
     return np.where((values > 0) & (values < NO_LIMIT), values, np.inf)
 
