@@ -31,148 +31,6 @@ TableReader = Callable[[Table], tuple[Array, Array, Array] | None]
 _ENDINGS = {"rad": {"_rad": 1.0, "_deg": np.pi / 180}, "m": {"_m": 1.0, "_mm": 1e-3}}
 
 
-def _position_columns(mechanism: Mechanism) -> list[str]:
-    """Names of the columns of q, as `Trajectory.save` writes them."""
-    return columns_of("q", mechanism.space.position_names, mechanism.space.position_units)
-
-
-def _rate_columns(mechanism: Mechanism) -> list[str]:
-    """Names of the columns of va."""
-    return columns_of("va", mechanism.coordinate_rate_names, mechanism.coordinate_rate_units)
-
-
-def _joint_positions(mechanism: Mechanism, table: Table) -> dict[str, Array]:
-    """Positions of the joints that have a column, [rad] or [m], by name, each of shape (N,)."""
-    joints = dict[str, Array]()
-    columns = set(table.columns)
-    for name, unit in units_by_joint(mechanism.space).items():
-        if unit == "rad":
-            moves = "turns"
-            wrong_endings = _ENDINGS["m"]
-        else:
-            moves = "slides"
-            wrong_endings = _ENDINGS["rad"]
-        wrong = sorted(columns & {f"{name}{ending}" for ending in wrong_endings})
-        if wrong:
-            text = f"{', '.join(wrong)}: the joint {name} {moves}, in {unit}"
-            raise FileFormatError(table.path, text, 1)
-        factors = {f"{name}{ending}": factor for ending, factor in _ENDINGS[unit].items()}
-        several = [column for column in factors if column in columns]
-        if len(several) > 1:
-            text = f"one joint has several columns: {', '.join(several)}"
-            raise FileFormatError(table.path, text, 1)
-        if several:
-            joints[name] = factors[several[0]] * table.column(several[0])
-    return joints
-
-
-def _needed_columns(mechanism: Mechanism, table: Table) -> str:
-    """The columns that a motion needs, and those of the table, for messages."""
-    units = units_by_joint(mechanism.space)
-    names = mechanism.coordinate_names
-    columns = f"this file has {', '.join(table.columns)}"
-    if not set(names) <= units.keys():
-        # Some coordinates, such as rates of a ball joint, have no position of their own.
-        needed = ", ".join(["t_s", *_position_columns(mechanism), *_rate_columns(mechanism)])
-        return f"a motion of this robot has the columns {needed} and accelerations; {columns}"
-    needed = ", ".join(["t_s", *(f"{name}_{units[name]}" for name in names)])
-    return f"a motion has the columns {needed} (or _deg, _mm); {columns}"
-
-
-def _joints_with_brakes(mechanism: Mechanism) -> list[str]:
-    """The joints whose positions say where brakes hold.
-
-    The length of a braked line, or an angle of a braked ball, has no column: it follows from the
-    positions of all joints.
-    """
-    joints = list(units_by_joint(mechanism.space))
-    braked = [brake.name for brake in mechanism.brakes]
-    return braked if set(braked) <= set(joints) else joints
-
-
-def _coordinates_and_start(engine: Engine, table: Table) -> tuple[Array, Array]:
-    """Positions x of the coordinates in a table, shape (N, n), and the first configuration, (nq,).
-
-    If other joints have columns too, their first row selects the assembly mode. Joints with brakes
-    stay at the positions in this row.
-    """
-    mechanism = engine.mechanism
-    mechanism.require_freedom()
-    joints = _joint_positions(mechanism, table)
-    names = mechanism.coordinate_names
-    missing = [name for name in names if name not in joints]
-    if missing:
-        problem = f"no column of {', '.join(missing)}; {_needed_columns(mechanism, table)}"
-        raise FileFormatError(table.path, problem, 1)
-    missing = [name for name in _joints_with_brakes(mechanism) if name not in joints]
-    if missing:
-        units = units_by_joint(mechanism.space)
-        columns = ", ".join(f"{name}_{units[name]}" for name in missing)
-        problem = f"no columns {columns} (or _deg, _mm), which say where brakes hold"
-        raise FileFormatError(table.path, f"{problem}; found: {', '.join(table.columns)}", 1)
-    if len(table.lines) < 3:
-        raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
-    x = np.column_stack([joints[name] for name in names])
-    first = {name: float(positions[0]) for name, positions in joints.items()}
-    return x, placed(engine, first)
-
-
-def _saved_columns(mechanism: Mechanism, table: Table) -> tuple[Array, Array, Array] | None:
-    """q, va and aa in a table that `Trajectory.save` has written; None if columns are missing."""
-    positions = _position_columns(mechanism)
-    rates = _rate_columns(mechanism)
-    accelerations = [f"{name}2" for name in rates]  # crank_rad_s2 for crank_rad_s
-    if not {*positions, *rates, *accelerations} <= set(table.columns):
-        return None
-    return table.select(positions), table.select(rates), table.select(accelerations)
-
-
-def _motion_of(
-    engine: Engine, table: Table, reader: TableReader | None, tau: Array | None = None
-) -> Trajectory:
-    """The motion in a table.
-
-    Args:
-        engine: The robot.
-        table: The table.
-        reader: Reads tables whose columns are not joints, or None.
-        tau: Motor torques, shape (N, motors); they are computed if it is None.
-    """
-    mechanism = engine.mechanism
-    t = table.column("t_s")
-    joint_motion = _saved_columns(mechanism, table)
-    if joint_motion is None and reader is not None:
-        joint_motion = reader(table)
-    if joint_motion is not None:
-        q, va, aa = joint_motion
-        if tau is None:
-            tau = engine.torques(q, va, aa)
-        return trajectory_of(mechanism, t, q, va, aa, tau)
-    x, start = _coordinates_and_start(engine, table)
-    try:
-        motion = coordinate_trajectory(engine, t, x, start)
-    except ClosureError as error:
-        row = error.samples[0][0] if error.samples else 0  # the sample that cannot be closed
-        raise FileFormatError(table.path, str(error), table.lines[row]) from None
-    if tau is None:
-        return motion
-    return trajectory_of(mechanism, t, motion.q, motion.va, motion.aa, tau)
-
-
-def _is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
-    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
-
-
-def _saved_motion(mechanism: Mechanism, source: str | Path) -> Trajectory:
-    """A motion of this robot in an NPZ."""
-    motion = Trajectory.load(source)
-    try:
-        require_motion(motion, mechanism)
-    except InputError as error:
-        raise FileFormatError(source, str(error)) from None
-    return motion
-
-
 def read_motion(
     engine: Engine, source: str | Path | BinaryIO, reader: TableReader | None = None
 ) -> Trajectory:
@@ -256,36 +114,6 @@ def read_torques(mechanism: Mechanism, table: Table) -> Array:
     return table.select(columns)
 
 
-def _example_of_option(names: Sequence[str]) -> str:
-    """What to write after an option of the shell: `crank=..,rocker=..`."""
-    return ",".join(f"{name}=.." for name in names)
-
-
-def _start_rates(
-    mechanism: Mechanism,
-    table: Table,
-    q0: Mapping[str, float] | None,
-    va0: Mapping[str, float] | None,
-) -> Array:
-    """Initial rates of the coordinates, shape (n,); `read_start` says where they come from."""
-    names = mechanism.coordinate_rate_names
-    columns = _rate_columns(mechanism)
-    if va0 is not None:
-        for name in va0:
-            if name not in names:
-                problem = f"no rate of a coordinate {name}; known: {', '.join(names)}"
-                raise FileFormatError(table.path, problem)
-        return np.array([va0.get(name, 0.0) for name in names])
-    if set(columns) <= set(table.columns):
-        return np.asarray(table.select(columns)[0])
-    if q0 is not None and not set(columns) & set(table.columns):
-        return np.zeros(len(names))
-    cure = f"give --va0 {_example_of_option(names)}"
-    missing = [column for column in columns if column not in table.columns]
-    problem = f"no columns {', '.join(missing)} for the initial rates; {cure}"
-    raise FileFormatError(table.path, problem)
-
-
 def read_start(
     engine: Engine,
     table: Table,
@@ -316,3 +144,175 @@ def read_start(
         problem = f"no {', '.join(missing)} for the initial positions; {cure}"
         raise FileFormatError(table.path, problem)
     return placed(engine, q0), va
+
+
+def _start_rates(
+    mechanism: Mechanism,
+    table: Table,
+    q0: Mapping[str, float] | None,
+    va0: Mapping[str, float] | None,
+) -> Array:
+    """Initial rates of the coordinates, shape (n,); `read_start` says where they come from."""
+    names = mechanism.coordinate_rate_names
+    columns = _rate_columns(mechanism)
+    if va0 is not None:
+        for name in va0:
+            if name not in names:
+                problem = f"no rate of a coordinate {name}; known: {', '.join(names)}"
+                raise FileFormatError(table.path, problem)
+        return np.array([va0.get(name, 0.0) for name in names])
+    if set(columns) <= set(table.columns):
+        return np.asarray(table.select(columns)[0])
+    if q0 is not None and not set(columns) & set(table.columns):
+        return np.zeros(len(names))
+    cure = f"give --va0 {_example_of_option(names)}"
+    missing = [column for column in columns if column not in table.columns]
+    problem = f"no columns {', '.join(missing)} for the initial rates; {cure}"
+    raise FileFormatError(table.path, problem)
+
+
+def _example_of_option(names: Sequence[str]) -> str:
+    """What to write after an option of the shell: `crank=..,rocker=..`."""
+    return ",".join(f"{name}=.." for name in names)
+
+
+def _is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
+    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
+
+
+def _saved_motion(mechanism: Mechanism, source: str | Path) -> Trajectory:
+    """A motion of this robot in an NPZ."""
+    motion = Trajectory.load(source)
+    try:
+        require_motion(motion, mechanism)
+    except InputError as error:
+        raise FileFormatError(source, str(error)) from None
+    return motion
+
+
+def _motion_of(
+    engine: Engine, table: Table, reader: TableReader | None, tau: Array | None = None
+) -> Trajectory:
+    """The motion in a table.
+
+    Args:
+        engine: The robot.
+        table: The table.
+        reader: Reads tables whose columns are not joints, or None.
+        tau: Motor torques, shape (N, motors); they are computed if it is None.
+    """
+    mechanism = engine.mechanism
+    t = table.column("t_s")
+    joint_motion = _saved_columns(mechanism, table)
+    if joint_motion is None and reader is not None:
+        joint_motion = reader(table)
+    if joint_motion is not None:
+        q, va, aa = joint_motion
+        if tau is None:
+            tau = engine.torques(q, va, aa)
+        return trajectory_of(mechanism, t, q, va, aa, tau)
+    x, start = _coordinates_and_start(engine, table)
+    try:
+        motion = coordinate_trajectory(engine, t, x, start)
+    except ClosureError as error:
+        row = error.samples[0][0] if error.samples else 0  # the sample that cannot be closed
+        raise FileFormatError(table.path, str(error), table.lines[row]) from None
+    if tau is None:
+        return motion
+    return trajectory_of(mechanism, t, motion.q, motion.va, motion.aa, tau)
+
+
+def _saved_columns(mechanism: Mechanism, table: Table) -> tuple[Array, Array, Array] | None:
+    """q, va and aa in a table that `Trajectory.save` has written; None if columns are missing."""
+    positions = _position_columns(mechanism)
+    rates = _rate_columns(mechanism)
+    accelerations = [f"{name}2" for name in rates]  # crank_rad_s2 for crank_rad_s
+    if not {*positions, *rates, *accelerations} <= set(table.columns):
+        return None
+    return table.select(positions), table.select(rates), table.select(accelerations)
+
+
+def _coordinates_and_start(engine: Engine, table: Table) -> tuple[Array, Array]:
+    """Positions x of the coordinates in a table, shape (N, n), and the first configuration, (nq,).
+
+    If other joints have columns too, their first row selects the assembly mode. Joints with brakes
+    stay at the positions in this row.
+    """
+    mechanism = engine.mechanism
+    mechanism.require_freedom()
+    joints = _joint_positions(mechanism, table)
+    names = mechanism.coordinate_names
+    missing = [name for name in names if name not in joints]
+    if missing:
+        problem = f"no column of {', '.join(missing)}; {_needed_columns(mechanism, table)}"
+        raise FileFormatError(table.path, problem, 1)
+    missing = [name for name in _joints_with_brakes(mechanism) if name not in joints]
+    if missing:
+        units = units_by_joint(mechanism.space)
+        columns = ", ".join(f"{name}_{units[name]}" for name in missing)
+        problem = f"no columns {columns} (or _deg, _mm), which say where brakes hold"
+        raise FileFormatError(table.path, f"{problem}; found: {', '.join(table.columns)}", 1)
+    if len(table.lines) < 3:
+        raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
+    x = np.column_stack([joints[name] for name in names])
+    first = {name: float(positions[0]) for name, positions in joints.items()}
+    return x, placed(engine, first)
+
+
+def _joints_with_brakes(mechanism: Mechanism) -> list[str]:
+    """The joints whose positions say where brakes hold.
+
+    The length of a braked line, or an angle of a braked ball, has no column: it follows from the
+    positions of all joints.
+    """
+    joints = list(units_by_joint(mechanism.space))
+    braked = [brake.name for brake in mechanism.brakes]
+    return braked if set(braked) <= set(joints) else joints
+
+
+def _joint_positions(mechanism: Mechanism, table: Table) -> dict[str, Array]:
+    """Positions of the joints that have a column, [rad] or [m], by name, each of shape (N,)."""
+    joints = dict[str, Array]()
+    columns = set(table.columns)
+    for name, unit in units_by_joint(mechanism.space).items():
+        if unit == "rad":
+            moves = "turns"
+            wrong_endings = _ENDINGS["m"]
+        else:
+            moves = "slides"
+            wrong_endings = _ENDINGS["rad"]
+        wrong = sorted(columns & {f"{name}{ending}" for ending in wrong_endings})
+        if wrong:
+            text = f"{', '.join(wrong)}: the joint {name} {moves}, in {unit}"
+            raise FileFormatError(table.path, text, 1)
+        factors = {f"{name}{ending}": factor for ending, factor in _ENDINGS[unit].items()}
+        several = [column for column in factors if column in columns]
+        if len(several) > 1:
+            text = f"one joint has several columns: {', '.join(several)}"
+            raise FileFormatError(table.path, text, 1)
+        if several:
+            joints[name] = factors[several[0]] * table.column(several[0])
+    return joints
+
+
+def _needed_columns(mechanism: Mechanism, table: Table) -> str:
+    """The columns that a motion needs, and those of the table, for messages."""
+    units = units_by_joint(mechanism.space)
+    names = mechanism.coordinate_names
+    columns = f"this file has {', '.join(table.columns)}"
+    if not set(names) <= units.keys():
+        # Some coordinates, such as rates of a ball joint, have no position of their own.
+        needed = ", ".join(["t_s", *_position_columns(mechanism), *_rate_columns(mechanism)])
+        return f"a motion of this robot has the columns {needed} and accelerations; {columns}"
+    needed = ", ".join(["t_s", *(f"{name}_{units[name]}" for name in names)])
+    return f"a motion has the columns {needed} (or _deg, _mm); {columns}"
+
+
+def _position_columns(mechanism: Mechanism) -> list[str]:
+    """Names of the columns of q, as `Trajectory.save` writes them."""
+    return columns_of("q", mechanism.space.position_names, mechanism.space.position_units)
+
+
+def _rate_columns(mechanism: Mechanism) -> list[str]:
+    """Names of the columns of va."""
+    return columns_of("va", mechanism.coordinate_rate_names, mechanism.coordinate_rate_units)
