@@ -63,6 +63,64 @@ class Finding:
         return f"{text} ({len(self.times)} samples from {first:.6g} to {last:.6g} s)"
 
 
+def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
+    """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
+    mechanism = engine.mechanism
+    model = mechanism.model
+    space = mechanism.space
+    low = model.lowerPositionLimit
+    high = model.upperPositionLimit
+    is_outside = np.maximum(low - q, q - high) > limit_tolerances(mechanism)
+    names = space.position_names
+    yield from outside("limits", names, space.position_units, t, q, is_outside, (low, high))
+    yield from _lengths(engine, t, q)
+    condition = _condition_numbers(engine, q)
+    yield from singular(
+        f"close to a singularity, condition number > {LARGEST_CONDITION:g}",
+        mechanism.coordinate_names,
+        t,
+        condition,
+        condition > LARGEST_CONDITION,
+        (-np.inf, LARGEST_CONDITION),
+    )
+
+
+def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
+    """Rates of joints and lines, and forces of motors on them, beyond their limits.
+
+    Rates near a singularity are not judged, because `findings` names the singularity.
+    """
+    mechanism = engine.mechanism
+    model = mechanism.model
+    space = mechanism.space
+    lines = mechanism.lines
+    joint_names = space.rate_names
+    line_names = [line.name for line in lines.forces]
+
+    on_joints = motion.tau @ mechanism.actuation.T
+    units = ["N m" if unit == "rad" else "N" for unit in space.rate_units]
+    limits = _limits(model.effortLimit)
+    yield from _beyond("efforts", joint_names, units, motion.t, on_joints, limits)
+    on_lines = motion.tau @ lines.actuation.T
+    units = ["N" for _ in line_names]
+    limits = _limits([line.effort for line in lines.forces])
+    yield from _beyond("efforts", line_names, units, motion.t, on_lines, limits)
+
+    joint_limits = _limits(model.velocityLimit)
+    line_limits = _limits([line.velocity for line in lines.forces])
+    if not (np.isfinite(joint_limits).any() or np.isfinite(line_limits).any()):
+        return
+    condition = _condition_numbers(engine, motion.q)
+    is_regular = engine.loops.are_closed(motion.q) & (condition <= LARGEST_CONDITION)
+    t = motion.t[is_regular]
+    q = motion.q[is_regular]
+    v = engine.joint_rates(q, motion.va[is_regular])
+    units = [f"{unit}/s" for unit in space.rate_units]
+    yield from _beyond("velocities", joint_names, units, t, v, joint_limits)
+    units = ["m/s" for _ in line_names]
+    yield from _beyond("velocities", line_names, units, t, engine.line_rates(q, v), line_limits)
+
+
 def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
     """Times (N,) and configurations (N, nq) of a motion; the time of a single q is NaN."""
     if isinstance(motion, Trajectory):
@@ -138,28 +196,6 @@ def _lengths(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     yield from outside("lengths", names, units, t, lengths, is_outside, (low, high))
 
 
-def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
-    """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
-    mechanism = engine.mechanism
-    model = mechanism.model
-    space = mechanism.space
-    low = model.lowerPositionLimit
-    high = model.upperPositionLimit
-    is_outside = np.maximum(low - q, q - high) > limit_tolerances(mechanism)
-    names = space.position_names
-    yield from outside("limits", names, space.position_units, t, q, is_outside, (low, high))
-    yield from _lengths(engine, t, q)
-    condition = _condition_numbers(engine, q)
-    yield from singular(
-        f"close to a singularity, condition number > {LARGEST_CONDITION:g}",
-        mechanism.coordinate_names,
-        t,
-        condition,
-        condition > LARGEST_CONDITION,
-        (-np.inf, LARGEST_CONDITION),
-    )
-
-
 def _condition_numbers(engine: Engine, q: Array) -> Array:
     """Condition numbers at configurations, shape (N,); 1 for open loops, which have none."""
     is_closed = engine.loops.are_closed(q)
@@ -183,39 +219,3 @@ def _beyond(
     """
     is_outside = np.abs(values) > limits * (1 + _ROUNDING)
     yield from outside(what, names, units, t, values, is_outside, (-limits, limits))
-
-
-def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
-    """Rates of joints and lines, and forces of motors on them, beyond their limits.
-
-    Rates near a singularity are not judged, because `findings` names the singularity.
-    """
-    mechanism = engine.mechanism
-    model = mechanism.model
-    space = mechanism.space
-    lines = mechanism.lines
-    joint_names = space.rate_names
-    line_names = [line.name for line in lines.forces]
-
-    on_joints = motion.tau @ mechanism.actuation.T
-    units = ["N m" if unit == "rad" else "N" for unit in space.rate_units]
-    limits = _limits(model.effortLimit)
-    yield from _beyond("efforts", joint_names, units, motion.t, on_joints, limits)
-    on_lines = motion.tau @ lines.actuation.T
-    units = ["N" for _ in line_names]
-    limits = _limits([line.effort for line in lines.forces])
-    yield from _beyond("efforts", line_names, units, motion.t, on_lines, limits)
-
-    joint_limits = _limits(model.velocityLimit)
-    line_limits = _limits([line.velocity for line in lines.forces])
-    if not (np.isfinite(joint_limits).any() or np.isfinite(line_limits).any()):
-        return
-    condition = _condition_numbers(engine, motion.q)
-    is_regular = engine.loops.are_closed(motion.q) & (condition <= LARGEST_CONDITION)
-    t = motion.t[is_regular]
-    q = motion.q[is_regular]
-    v = engine.joint_rates(q, motion.va[is_regular])
-    units = [f"{unit}/s" for unit in space.rate_units]
-    yield from _beyond("velocities", joint_names, units, t, v, joint_limits)
-    units = ["m/s" for _ in line_names]
-    yield from _beyond("velocities", line_names, units, t, engine.line_rates(q, v), line_limits)
