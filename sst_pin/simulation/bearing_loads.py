@@ -115,16 +115,33 @@ class Loads(Summary):
         write_files({as_path(path): text_writer(self.csv)}, force)
 
 
-def _described(row: Load, unit: str) -> str:
-    """A row in words."""
-    if not row.components:
-        return "not unique; see stiffness="
-    text = f"peak {row.peak:.4g} {unit} at {row.time:.4g} s, rms {row.rms:.4g}"
-    others = [axis for axis in "xyz" if axis not in row.components]
-    if others:
-        verb = "is" if len(others) == 1 else "are"
-        text += f"; {', '.join(others)} {verb} not unique"
-    return text
+def loads(
+    engine: Engine,
+    motion: Trajectory,
+    stiffness: Mapping[str, ArrayLike] | None,
+    axes: ArrayLike | None,
+) -> Loads:
+    """Loads along a motion under its torques and the weights; see `ClosedChain.loads`."""
+    require_no_other_loads(engine, motion)
+    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
+    # Of joints, then of closures, [force; moment]: wrenches, shape (N, joints + closures, 6), and
+    # which components the rigid robot determines at all samples, (joints + closures, 6).
+    wrenches = _without_noise(
+        np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
+    )
+    determined = np.all(np.concatenate(w.determined, axis=-2), axis=0)
+    weights = np.ones(1)
+    if len(motion) > 1:
+        # The trapezoidal rule: half of the steps before and after each sample.
+        half_steps = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
+        weights = half_steps[:-1] + half_steps[1:]
+    rows = []
+    for k, name in enumerate(w.names):
+        for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+            vectors = wrenches[:, k, part]
+            all_determined = bool(np.all(determined[k, part]))
+            rows.append(_load(name, kind, vectors, motion.t, weights, all_determined))
+    return Loads(tuple(rows))
 
 
 def require_no_other_loads(engine: Engine, motion: Trajectory) -> None:
@@ -184,30 +201,13 @@ def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determ
     )
 
 
-def loads(
-    engine: Engine,
-    motion: Trajectory,
-    stiffness: Mapping[str, ArrayLike] | None,
-    axes: ArrayLike | None,
-) -> Loads:
-    """Loads along a motion under its torques and the weights; see `ClosedChain.loads`."""
-    require_no_other_loads(engine, motion)
-    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
-    # Of joints, then of closures, [force; moment]: wrenches, shape (N, joints + closures, 6), and
-    # which components the rigid robot determines at all samples, (joints + closures, 6).
-    wrenches = _without_noise(
-        np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
-    )
-    determined = np.all(np.concatenate(w.determined, axis=-2), axis=0)
-    weights = np.ones(1)
-    if len(motion) > 1:
-        # The trapezoidal rule: half of the steps before and after each sample.
-        half_steps = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
-        weights = half_steps[:-1] + half_steps[1:]
-    rows = []
-    for k, name in enumerate(w.names):
-        for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
-            vectors = wrenches[:, k, part]
-            all_determined = bool(np.all(determined[k, part]))
-            rows.append(_load(name, kind, vectors, motion.t, weights, all_determined))
-    return Loads(tuple(rows))
+def _described(row: Load, unit: str) -> str:
+    """A row in words."""
+    if not row.components:
+        return "not unique; see stiffness="
+    text = f"peak {row.peak:.4g} {unit} at {row.time:.4g} s, rms {row.rms:.4g}"
+    others = [axis for axis in "xyz" if axis not in row.components]
+    if others:
+        verb = "is" if len(others) == 1 else "are"
+        text += f"; {', '.join(others)} {verb} not unique"
+    return text
