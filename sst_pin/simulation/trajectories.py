@@ -38,49 +38,6 @@ _COLUMNS = ("joint_names", "motor_names", "units", "coordinates", "rate_units", 
 _COMPARED = (*_ARRAYS, *_COLUMNS)
 
 
-def _samples(name: str, value: ArrayLike, times: Array, columns: Sequence[str]) -> Array:
-    """A read-only copy of an argument with a row for each time."""
-    array = rows_of_samples(name, value, (len(times), len(columns))).copy()
-    array.setflags(write=False)
-    return array
-
-
-def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """Names as a tuple; repeated names are refused."""
-    words = names(name, value)
-    if len(set(words)) < len(words):
-        raise InputError(name, f"a name appears twice in {', '.join(words)}")
-    return words
-
-
-def _units(
-    name: str, value: Sequence[str], columns: Sequence[str], known: Sequence[str]
-) -> tuple[str, ...]:
-    """Units as a tuple: one for each column, and each of them one of the known units."""
-    units = names(name, value)
-    if len(units) != len(columns) or not set(units) <= set(known):
-        raise InputError(name, f"{units}, expected {len(columns)} of {', '.join(map(repr, known))}")
-    return units
-
-
-def _read_npz(path: Path) -> dict[str, Any]:
-    """The fields of a motion in an NPZ, as arrays."""
-    try:
-        # NumPy leaves a file open that it cannot read.
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            fields = dict[str, Any]()
-            for name in (*_COMPARED, "stopped"):
-                # Early files of versions before 0.3 have no torque_units; the default is taken.
-                if name == "torque_units" and name not in file:
-                    continue
-                # Versions before 0.3 wrote motor_names by another name.
-                key = "actuated" if name == "motor_names" and name not in file else name
-                fields[name] = file[key]
-            return fields
-    except Exception as error:  # zipfile and NumPy raise many kinds of errors
-        raise FileFormatError(path, f"not a motion: {error}") from None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Summary):
     """A motion of a robot with its motor torques.
@@ -376,11 +333,6 @@ def trajectory_of(
     )
 
 
-def _in_one_line(words: Sequence[str]) -> str:
-    """Names or units in one line; the empty unit "" of a plain number is written as 1."""
-    return ", ".join(word or "1" for word in words)
-
-
 def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion") -> None:
     """Check that an argument is a motion of a robot: its joints, coordinates, motors, units."""
     require_instance(name, motion, Trajectory)
@@ -400,3 +352,51 @@ def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion
         if what == "coordinates":
             problem += "; chain.with_coordinates([...]) gives it others"
         raise InputError(name, problem)
+
+
+def _in_one_line(words: Sequence[str]) -> str:
+    """Names or units in one line; the empty unit "" of a plain number is written as 1."""
+    return ", ".join(word or "1" for word in words)
+
+
+def _samples(name: str, value: ArrayLike, times: Array, columns: Sequence[str]) -> Array:
+    """A read-only copy of an argument with a row for each time."""
+    array = rows_of_samples(name, value, (len(times), len(columns))).copy()
+    array.setflags(write=False)
+    return array
+
+
+def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
+    """Names as a tuple; repeated names are refused."""
+    words = names(name, value)
+    if len(set(words)) < len(words):
+        raise InputError(name, f"a name appears twice in {', '.join(words)}")
+    return words
+
+
+def _units(
+    name: str, value: Sequence[str], columns: Sequence[str], known: Sequence[str]
+) -> tuple[str, ...]:
+    """Units as a tuple: one for each column, and each of them one of the known units."""
+    units = names(name, value)
+    if len(units) != len(columns) or not set(units) <= set(known):
+        raise InputError(name, f"{units}, expected {len(columns)} of {', '.join(map(repr, known))}")
+    return units
+
+
+def _read_npz(path: Path) -> dict[str, Any]:
+    """The fields of a motion in an NPZ, as arrays."""
+    try:
+        # NumPy leaves a file open that it cannot read.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            fields = dict[str, Any]()
+            for name in (*_COMPARED, "stopped"):
+                # Early files of versions before 0.3 have no torque_units; the default is taken.
+                if name == "torque_units" and name not in file:
+                    continue
+                # Versions before 0.3 wrote motor_names by another name.
+                key = "actuated" if name == "motor_names" and name not in file else name
+                fields[name] = file[key]
+            return fields
+    except Exception as error:  # zipfile and NumPy raise many kinds of errors
+        raise FileFormatError(path, f"not a motion: {error}") from None
