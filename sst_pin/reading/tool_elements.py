@@ -13,6 +13,8 @@ from typing import NamedTuple
 from .joint_numbers import JointNumbers
 from .problems import is_true, number, numbers
 
+#: Types of joints of a URDF with one axis.
+ONE_AXIS = ("revolute", "prismatic", "continuous")
 #: Elements of Gazebo for the numbers of a spring.
 SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
 #: Elements of Drake for the inertia of a rotor and its gear ratio.
@@ -39,7 +41,7 @@ def joint_numbers(root: ET.Element) -> JointNumbers:
         rotor_inertia = parts.get(ROTOR_INERTIA, 0.0)
         gear_ratio = parts.get(GEAR_RATIO, 1.0)
         if not rotor_inertia or not gear_ratio:
-            continue  # none, or not a number, which `acting_elements` reports
+            continue  # no rotor, or a text that is no number, which `acting_elements` reports
         for joint in element.findall("joint"):
             joint_name = joint.get("name", "")
             if joint_name in moving:
@@ -64,8 +66,7 @@ class Mimic(NamedTuple):
 
 def one_axis_joints(root: ET.Element) -> set[str]:
     """Names of the joints that move along or about one axis."""
-    kinds = ("revolute", "continuous", "prismatic")
-    return {j.get("name", "") for j in root.findall("joint") if j.get("type") in kinds}
+    return {j.get("name", "") for j in root.findall("joint") if j.get("type") in ONE_AXIS}
 
 
 def mimics_of(root: ET.Element) -> list[Mimic]:
@@ -118,7 +119,11 @@ def ros2_control_parameters(joint: ET.Element) -> dict[str, str]:
 
 
 def motors_of(root: ET.Element) -> tuple[str, ...]:
-    """Joints of transmissions, of command interfaces of ros2_control, of controllers of Gazebo."""
+    """Names of the joints with motors, in the order of the file.
+
+    They are joints of transmissions, joints of ros2_control with a command interface, and joints of
+    controllers of Gazebo, if they have one axis and follow no other joint.
+    """
     driven = [joint.get("name", "") for joint in root.findall("transmission/joint")]
     for joint in root.findall("ros2_control/joint"):
         if joint.find("command_interface") is not None:
@@ -151,9 +156,9 @@ def links_without_gravity(root: ET.Element) -> set[str]:
 
 
 def is_weightless(root: ET.Element) -> bool:
-    """Whether gravity is off for each link with a mass, the base left out: the robot has none.
+    """Whether gravity is off for all links with a mass that can move: the robot has no gravity.
 
-    Children of fixed joints count: the body that they are fixed to may move.
+    All links but the base count, also children of fixed joints: their parents may move.
     """
     children = {child.get("link") for child in root.iterfind("joint/child")}
     with_mass = set[str]()

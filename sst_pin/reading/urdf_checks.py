@@ -13,10 +13,10 @@ import numpy as np
 
 from .inertia_checks import ENTRIES
 from .problems import Problem, attribute, error, note, number, numbers, unknown_parts, warning
+from .tool_elements import ONE_AXIS
 
-#: Types of joints with one axis, and all types.
-_ONE_AXIS = ("revolute", "prismatic", "continuous")
-_KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
+#: All types of joints.
+_KINDS = (*ONE_AXIS, "fixed", "floating", "planar")
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
@@ -194,7 +194,7 @@ def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> It
     if kind != "fixed":
         yield from _axis(joint, where, kind)
         yield from _friction(joint, where, kind)
-    if kind in _ONE_AXIS:
+    if kind in ONE_AXIS:
         yield from _limits(joint, where, kind)
     for mimic in joint.findall("mimic"):
         yield from _mimic(joint.get("name"), mimic.get("joint"), where, kinds)
@@ -207,7 +207,7 @@ def _mimic(
     for name in (follower, leader):
         if name not in kinds:
             yield error(where, f"mimics {name}, which is not a joint of this file")
-        elif kinds[name] not in _ONE_AXIS:
+        elif kinds[name] not in ONE_AXIS:
             yield error(where, f"mimics {leader}: {name} is {kinds[name]}")
     if leader == follower:
         yield error(where, "mimics itself")
@@ -270,7 +270,7 @@ def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     dynamics = joint.find("dynamics")
     for key, yaml_key in (("damping", "viscous_friction"), ("friction", "coulomb_friction")):
         value = number(dynamics, key) or 0.0
-        if value and kind not in _ONE_AXIS:
+        if value and kind not in ONE_AXIS:
             cure = f"write {yaml_key}: {{{joint.get('name')}: {value:g}}} in the YAML"
             yield error(where, f"{key} of a {kind} joint is not read; {cure}")
         elif value < 0:
