@@ -75,7 +75,7 @@ def with_kinds(
             rates = slice(part.idx_v, part.idx_v + part.nv)
             result.damping[rates] = model.damping[replaced.idx_v]
             result.friction[rates] = model.friction[replaced.idx_v]
-            for rate, axis in enumerate(_axes(suffix), part.idx_v):
+            for rate, axis in enumerate(_axes(suffix), start=part.idx_v):  # each rate with its axis
                 sense = _sense(root, name, axis)
                 if sense:
                     result.effortLimit[rate] = model.effortLimit[replaced.idx_v]

@@ -21,9 +21,9 @@ def add_defaults(root: ET.Element) -> Iterator[Problem]:
         yield warning("link world", "it is missing; it is added, without mass")
     if "world" in links:
         yield from _add_floating_joints(root, links)
-    unlimited = list[str]()
+    joints_without_limit = list[str]()
     joints_by_missing_key = dict[str, list[str]]()
-    without_range = list[str]()
+    joints_without_range = list[str]()
     for joint in joints:
         name = joint.get("name", "")
         if joint.get("type") not in ("revolute", "prismatic"):
@@ -32,22 +32,22 @@ def add_defaults(root: ET.Element) -> Iterator[Problem]:
         if limit is None:
             attributes = {"lower": f"-{WIDE}", "upper": WIDE, "effort": "0", "velocity": "0"}
             ET.SubElement(joint, "limit", attributes)
-            unlimited.append(name)
+            joints_without_limit.append(name)
             continue
         for key in ("effort", "velocity"):
             if key not in limit.attrib:
                 limit.set(key, "0")
                 joints_by_missing_key.setdefault(key, []).append(name)
         if "lower" not in limit.attrib and "upper" not in limit.attrib:
-            without_range.append(name)
-    if unlimited:
-        yield warning(f"joints {listed(unlimited)}", "no <limit>: read without limits")
+            joints_without_range.append(name)
+    if joints_without_limit:
+        yield warning(f"joints {listed(joints_without_limit)}", "no <limit>: read without limits")
     for key, names in joints_by_missing_key.items():
         yield warning(f"joints {listed(names)}", f"limit without {key}: read as none")
-    if without_range:
+    if joints_without_range:
         # URDF's specification has this default. Drake and Bullet do not follow it.
         text = "limit without lower and upper: both are 0 by the specification; write them"
-        yield warning(f"joints {listed(without_range)}", text)
+        yield warning(f"joints {listed(joints_without_range)}", text)
 
 
 def _add_floating_joints(root: ET.Element, links: Iterable[str]) -> Iterator[Problem]:

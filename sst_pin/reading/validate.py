@@ -180,7 +180,7 @@ def _robot(robot: RobotFile) -> Report:
         try:
             mobility = engine.loops.mobility()
         except ClosureError as caught:
-            # `_gap` closed the loops from q = 0, where mobility may differ from other poses.
+            # `mobility` starts from random configurations only; `_gap` also starts from q = 0.
             text = "only the start q = 0 leads to closed loops, so mobility is not computed"
             problems = [warning("closures", text), *problems]
             return Report(problems, summary_of(robot.model, str(caught)))
@@ -276,7 +276,7 @@ def _home(engine: Engine) -> Iterator[Problem]:
             f"{coordinates} fixed and moves {rate} by {change[largest]:.3g} {unit}; "
             "if the pose is right, a length or a frame is wrong",
         )
-    # The home as a motion of one sample, whose time NaN means that there is none.
+    # The home is one sample without a time, which `findings` takes as NaN.
     for finding in findings(engine, np.array([np.nan]), np.array([engine.loops.home])):
         yield warning("home", str(finding))
 
