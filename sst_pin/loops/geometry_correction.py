@@ -471,16 +471,21 @@ class _Robot:
     def rounding(self, q: Array, part: _Part) -> float:
         """Size of the rounding of a part, [rad] or lengths of the loop.
 
-        It is the rounding of its placements, or the gap that is left at q, if larger. It is 0 if
-        the part closes at q and its numbers are not rounded.
+        It is the largest of the rounding of lengths, the rounding of angles, and the gap that is
+        left at q. It is 0 if the part closes at q and its numbers are not rounded.
         """
-        # Files write angles with as many digits as lengths, so that all numbers count together.
-        numbers = list[float]()
+        lengths = list[float]()
+        angles = list[float]()
         for place in self.places(part):
             _, placement = place_of(self.mechanism.model, place)
-            numbers += [*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)]
-        last_digit = half_a_digit(np.array(numbers)) / self._length(part)
-        return max(last_digit, self.gap(self.closest(q, part.rates), part))
+            lengths += placement.translation.tolist()
+            angles += pin.rpy.matrixToRpy(placement.rotation).tolist()
+        # Files write angles with as many digits as lengths, so that all numbers tell the digits of
+        # lengths. Angles may have more digits, such as 1.5708 where lengths are in millimetres.
+        half_digit = half_a_digit(np.array(lengths + angles))
+        half_digit_of_angles = min(half_digit, half_a_digit(np.array(angles)))
+        gap = self.gap(self.closest(q, part.rates), part)
+        return max(half_digit / self._length(part), half_digit_of_angles, gap)
 
     def places(self, part: _Part) -> dict[str, int | None]:
         """The places that may be displaced, by their names: None for a joint, the index of a frame.

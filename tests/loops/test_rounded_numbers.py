@@ -392,6 +392,33 @@ def test_slides_whose_orientations_a_closure_holds_are_free(seed, digits):
     assert off < EXPLAINED * 10.0**-digits * np.abs(tau).max()
 
 
+@pytest.mark.parametrize("length", [1.0, 30.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_angles_of_long_loops_are_rounded_as_those_of_short_ones(seed, length):
+    """Seven parallel hinges, four freedoms; roll, pitch and yaw of both branches have three digits.
+
+    The loop closes exactly at zero, and moves, with two freedoms, as it is.
+    """
+    random, tree, ends = np.random.default_rng(seed), pin.Model(), []
+    turned = pin.SE3(pin.exp3(random.uniform(-1, 1, 3)), np.zeros(3))
+    body = pin.Inertia(1.0, np.array([0.1 * length, 0, 0]), 0.01 * length**2 * np.eye(3))
+    for branch, count in (("a", 3), ("b", 4)):
+        joint = 0
+        for k in range(count):
+            place = in_plane(random)
+            place.translation *= length
+            if k == 0:
+                turn = pin.exp3(np.array([0, 0, random.uniform(-3, 3)]))
+                place = turned * place * pin.SE3(turn, np.zeros(3))
+            joint = add(tree, joint, pin.JointModelRZ(), f"{branch}{k}", place, body)
+        ends.append(joint)
+    model = closed_at(with_digits(tree, 3), ends, np.zeros(7))
+    del model.referenceConfigurations["home"]
+    chain, records = with_warnings(ClosedChain, model, [Closure("A", "B")], ["a0"])
+    assert chain.degrees_of_freedom == 4
+    assert sum("placements are rounded" in text for text in records) == 1
+
+
 def beside(small, large, scale):
     """Both robots in one model, the first one scaled; its names end with `_small`."""
     model, home, closures = pin.Model(), list[float](), list[Closure]()
