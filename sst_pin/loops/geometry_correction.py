@@ -15,6 +15,7 @@ Terms:
 - The *gap* of a part at a pose is its largest error, free of units. It is 0 if the part is closed
   to the rounding of floats.
 - The *start* is a pose near home, closed as well as possible. The other poses are found around it.
+- A pose is *regular* if Phi has its usual rank there; at singular poses the rank is lower.
 
 At a pose, let the columns of N be an orthonormal basis of the left null space of Phi: N^T Phi = 0.
 Motions dq of the joints change f by Phi dq, so that they do not change N^T f. Displacements d of
@@ -248,9 +249,9 @@ def _find_correction(
 ) -> _Correction | None:
     """A correction with which a part closes in all regular poses; None if none is found.
 
-    Each try displaces the places further, so that the part closes in the given poses. Then other
-    poses around the start check the result. If the part stays open in a regular one of them, the
-    next try has these poses too.
+    Regular poses have the rank `rank`. Each try displaces the places further, so that the part
+    closes in the given poses. Then other poses around the start check the result. If the part stays
+    open in a regular one of them, the next try has these poses too.
     """
     corrected = robot
     fitting = list(poses)
@@ -287,9 +288,9 @@ class _Robot:
         self._assembly = Assembly(mechanism, self.loops)
         self.parts = list[_Part]()
         rows = np.flatnonzero(self.loops.holonomic)
-        for in_part, rates in connected(self.loops.touched[rows]):
-            if len(in_part):
-                self.parts.append(_Part(rows[in_part], rates))
+        for members, rates in connected(self.loops.touched[rows]):  # members: indices in `rows`
+            if len(members):
+                self.parts.append(_Part(rows[members], rates))
 
     # --- poses ------------------------------------------------------------------------------
 
@@ -335,6 +336,8 @@ class _Robot:
             motions = free_motions(self._Phi(q, part))
             if not motions.shape[1]:
                 return False
+            # Step in the direction of the motion that is nearest to the random one, and close the
+            # loops again.
             along = motions @ (motions.T @ random)
             step = _MOTION * along / np.abs(along).max()
             rates_step = np.zeros(model.nv)
