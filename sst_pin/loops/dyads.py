@@ -187,7 +187,7 @@ def _plane(linear: Array, angular: Array) -> Array | None:
     turns = np.linalg.norm(angular, axis=1)  # 1 for hinges, 0 for slides
     n = angular[0] if turns[0] else angular[1]
     # Numbers that are zero for hinges parallel to n and slides normal to n.
-    not_unit = turns - turns.round()  # not of joints that mimic joints follow
+    not_unit = turns - turns.round()
     not_parallel = np.cross(n, angular).ravel()
     along_axis = np.vecdot(linear, angular)  # of screws
     along_n = linear @ n  # of slides
