@@ -713,7 +713,7 @@ class Engine:
     def line_rates(self, q: ArrayLike, v: Array) -> Array:
         """Rates of the lengths of the lines at rates v of the tree, shape (..., lines)."""
         lines = len(self.mechanism.lines.forces)
-        if not lines:
+        if not lines:  # q need not be checked again: v was computed at q
             return np.zeros((*v.shape[:-1], 0))
         arrays = [self.loops.configurations(q), v]
         return for_each_sample(self.reference.line_rates, arrays, (1, 1), (lines,))
