@@ -2,8 +2,9 @@
 """The choice of the coordinates, when a robot is made.
 
 1. `_choose` finds a closed configuration, home if possible, and chooses independent rates there.
-2. It then goes to an *example*: a closed configuration without symmetry, near home and in its
-   assembly mode. Ranks and sizes that hold in general are judged there.
+2. It then finds the *example*: a closed configuration without symmetry, near home and in its
+   assembly mode, where ranks and sizes that hold in general are judged. Without a regular home, the
+   configuration of step 1 is the example.
 3. `with_chosen_coordinates` stores both in the mechanism, and warns of what cannot move.
 
 The choice does not depend on the order of the joints or on units: random steps depend on the names
@@ -39,8 +40,9 @@ from .ranks import free_motions, scaled_Phi
 _POORER = 10.0
 #: Number of configurations that are examined if the motors are too few everywhere.
 _FEW = 3
-#: Largest number of configurations on the path from home to the example. The last three numbers are
-#: choices. If no path is found, home itself is the example.
+#: Largest number of configurations on the path from home to the example. These three numbers are
+#: choices. If no path is found, home itself is the example, and symmetry may hide what holds in
+#: general.
 _LOOKS = 30
 #: Home is singular if Phi has a higher rank at this distance, [rad] or lengths of the loop.
 _BESIDE = 1e-3
@@ -74,7 +76,8 @@ def with_chosen_coordinates(mechanism: Mechanism) -> Mechanism:
     and the rates that move no mass. If no loops can be closed, only the coordinates are added.
 
     Warns:
-        DescriptionWarning: If home is singular, or if motors cannot move.
+        DescriptionWarning: If home is singular, if motors cannot move, or if joints are shaking:
+            the closures allow their rates, which lead to no other pose.
     """
     wanted = mechanism.coordinates if len(mechanism.coordinates) else None
     name = mechanism.model.name
