@@ -320,8 +320,8 @@ class Assembly:
         entries, rates = self.mechanism.space.plain
         sizes = np.abs(q[entries] / self.mechanism.rate_scale[rates])
         of_joints = np.abs(Phi[:, rates]) @ sizes
-        # f is a sum of several terms, each with its rounding. The factor 4 is a choice: with a
-        # smaller one, closed loops with many turns of a joint would count as open.
+        # f is a sum of several terms, each with its rounding. The factor 4 is a choice: if it is
+        # too small, closed loops far from the origin or with many turns count as open.
         return 4 * (_ROUNDING * of_joints + self._rounding_of_positions())
 
     def _rounding_of_positions(self) -> Array:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tests whether a motion stays in its assembly mode, for each block of Phi.
 
-An assembly mode is one of the solutions of the loops for the same coordinates. Blocks are explained
-in `blocks`. Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a
-and b. The test is on their change D = Phi_a^+ (Phi_b - Phi_a), which is free of units.
+An assembly mode is one of the solutions of the loops for the same coordinates. A block has rows of
+Phi and the dependent rates that these rows determine together; see `blocks`. Phi_a and Phi_b are a
+block at configurations a and b. The test is on their change D = Phi_a^+ (Phi_b - Phi_a), which is
+free of units.
 
 - If |D| < 1, all matrices between them, Phi_s = Phi_a + s (Phi_b - Phi_a) with 0 <= s <= 1, have
   full column rank, because Phi_a^+ Phi_s = I + s D is regular.

@@ -163,8 +163,8 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
     # The motions that leave all motors at rest are the null space of the motors' rates.
     _, sizes, Vt = np.linalg.svd(motor_rates(mechanism, q, motions))
     held = int(np.count_nonzero(sizes > RESTS))
-    motors_at_rest = motions @ Vt[held:].T
-    is_loose = np.abs(motors_at_rest).max(axis=1, initial=0.0) > _LOOSE
+    with_motors_locked = motions @ Vt[held:].T
+    is_loose = np.abs(with_motors_locked).max(axis=1, initial=0.0) > _LOOSE
 
     names_of_rates = np.array(space.rate_names)
     return Mobility(
