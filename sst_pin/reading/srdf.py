@@ -113,7 +113,8 @@ def _add_position(
     """Add the position of a joint in a state to its pose; a ValueError if this is not possible."""
     joint = element.get("name", "")
     value = _value(model, joints, joint, element.get("value", ""))
-    if (pose.setdefault(joint, value) != value).any():
+    first_value = pose.setdefault(joint, value)  # of several elements for one joint
+    if (first_value != value).any():
         text = element.get("value", "")
         raise ValueError(f"{joint} has two values, {text} is one of them")
 
