@@ -195,7 +195,7 @@ def _plane(linear: Array, angular: Array) -> Array | None:
     largest = np.abs(np.concatenate([not_unit, out_of_plane, not_parallel])).max()
     if not n.any() or largest > _EQUAL:
         return None
-    plane = np.linalg.svd(n[None])[2][1:]
+    plane = np.linalg.svd(n[None])[2][1:]  # two orthonormal vectors normal to n
     plane[1] *= np.linalg.det([n, *plane])  # 1 or -1: n, first and second row are right-handed
     return np.asarray(plane)
 
