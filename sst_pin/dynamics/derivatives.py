@@ -4,7 +4,7 @@
 docs/derivatives.md derives the equations. `Derivatives`, at the end, computes them in three steps:
 
 1. On the tree, where q, v and v_dot are independent: derivatives of its inverse dynamics. Closures,
-   lines and external wrenches are loads on its bodies (`_Load`), which turn or stay with q.
+   lines and external wrenches are loads on its bodies (`_Load`): wrenches that change with q.
 2. On the tree too: derivatives of the velocities and accelerations of the closures' rows
    (`row_derivatives`). These say how v and v_dot must change so that the loops stay closed.
 3. The chain rule joins both (`_along_coordinates`).
@@ -165,13 +165,13 @@ def _on_frames(closure: ClosurePartials, forces: Array) -> _Load:
     return _Load(closure.rows.bodies, closure.frames, w, w_q)
 
 
-def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
+def _on_mass_centres(motion: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     """Constant wrenches [force; moment] at the mass centres, shape (r, 6), as a load."""
     loaded = np.flatnonzero(wrenches.any(axis=1))
     joints = [loops.tree.bodies[1 + body] for body in loaded]
     levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
     places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
-    frames = tree.frames(joints, [place.homogeneous for place in places])
+    frames = motion.frames(joints, [place.homogeneous for place in places])
     forces = wrenches[loaded, :3]
     moments = wrenches[loaded, 3:]
     # At the origin the moment is moment + c x force with the mass centre c, the last column of M.
@@ -184,16 +184,16 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     return _Load(joints, frames, w, w_q)
 
 
-def _lifts(tree: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
+def _lifts(motion: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
     """Forces that cancel the part of the weights that does not act, as a load on their bodies.
 
     `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of
     the bodies.
     """
     joints = [loops.tree.bodies[1 + body] for body in lifted]
-    frames = tree.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
+    frames = motion.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
     # A placement M takes the first moment m c and the mass m to those about the world's origin:
-    # M [m c; m] = [m (R c + p); m]. Axes: k bodies, i and j of M, q rates.
+    # M [m c; m] = [m (R c + p); m], without the last row. Axes: k bodies, i and j of M, q rates.
     masses, *moments = np.transpose(list(lifted.values()))
     moments_and_masses = np.transpose([*moments, masses])
     at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
@@ -207,11 +207,10 @@ def _lifts(tree: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load
 
 
 def _derivatives_fixed_to_bodies(w: Array, twists: Array) -> Array:
-    """Derivatives of wrenches w, shape (k, 6), if they turned with their bodies.
+    """Derivatives by q of wrenches w that are fixed to moving bodies, shape (k, 6, nv).
 
-    `twists` are the twists [v; omega] of the bodies per rate, shape (k, 6, nv), as is the result. A
-    wrench [force; moment] that is fixed to a body changes by [omega x force; omega x moment + v x
-    force].
+    `w` has the shape (k, 6). `twists` are the twists [v; omega] of the bodies per rate of the tree,
+    shape (k, 6, nv). Such a wrench changes by [omega x force; omega x moment + v x force].
     """
     force_x = skew(w[:, :3])  # omega x force = -force x omega
     moment_x = skew(w[:, 3:])
@@ -257,20 +256,20 @@ class _LinePartials(NamedTuple):
 
 
 def _line_partials(
-    context: Context, friction: Friction, q: Array, tau: Array, tree: TreeMotion
+    context: Context, friction: Friction, q: Array, tau: Array, motion: TreeMotion
 ) -> _LinePartials:
     """The lines' tensions and their derivatives at q, with motor torques tau."""
     lines = context.mechanism.lines
-    v = tree.v
+    v = motion.v
     lengths, J = context.lines.evaluate(q)
     rates = J.dot(v)
-    tensions = tensions_in_motion(context, friction, q, v, tree.v_dot, tau)
+    tensions = tensions_in_motion(context, friction, q, v, motion.v_dot, tau)
     taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
     damping = lines.damping * taut
     if lines.coulomb.any():
         damping = damping + lines.coulomb * sign_slope(rates, friction.sign_width)
     return _LinePartials(
-        rows=partials(context.lines.loops, q, tree),
+        rows=partials(context.lines.loops, q, motion),
         J=J,
         tensions=tensions,
         stiffness=lines.stiffness * taut,
@@ -368,6 +367,7 @@ class Derivatives:
         context = self._context
         tree = self._context.tree
         v, _ = context.complement.motion(q, va, context.steady)
+        # The rates of the normal tree are S v.
         v = tree.S.dot(v)
         L = tree.S.dot(context.complement.L)
         bracket_rates = np.zeros_like(L)
@@ -384,16 +384,16 @@ class Derivatives:
         loops = self._context.loops
         complement = self._context.complement
         v, v_dot = complement.motion(q, va, self._context.steady)
-        tree = TreeMotion(loops, v, v_dot)
+        motion = TreeMotion(loops, v, v_dot)
         L = complement.L
-        v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
-        motion = tree.frames_of([frame])
+        v_q = -complement.inverse.dot(partials(loops, q, motion).velocity_q.dot(L))
+        of_frame = motion.frames_of([frame])
         # The origin of the frame is the last column of its placement M. So its linear velocity is
         # the last column of M_dot; the angular velocity is the last part of the twist.
-        J_linear = motion.M_q[:, 0, :3, 3].T
-        linear_q = motion.M_dot_q[:, 0, :3, 3].T
-        J = np.concatenate((J_linear, motion.J[0, 3:]))
-        velocity_q = np.concatenate((linear_q, motion.twist_q[0, 3:]))
+        J_linear = of_frame.M_q[:, 0, :3, 3].T
+        linear_q = of_frame.M_dot_q[:, 0, :3, 3].T
+        J = np.concatenate((J_linear, of_frame.J[0, 3:]))
+        velocity_q = np.concatenate((linear_q, of_frame.twist_q[0, 3:]))
         return np.concatenate((velocity_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _force_derivatives(
@@ -415,8 +415,8 @@ class Derivatives:
         v, v_dot = context.complement.motion(q, va, aa)  # evaluates L, G and the loops at q
         L = context.complement.L
         G = context.complement.inverse
-        tree = TreeMotion(context.loops, v, v_dot)
-        rows = partials(context.loops, q, tree)
+        motion = TreeMotion(context.loops, v, v_dot)
+        rows = partials(context.loops, q, motion)
         F = context.tree_forces(v, v_dot)
         F -= applied_forces(context, friction, q, v, wrenches, tau)
         multipliers = G.T.dot(F)  # lambda
@@ -425,12 +425,12 @@ class Derivatives:
         loads = [_on_frames(closure, multipliers) for closure in rows.closures]
         of_lines: _LinePartials | None = None
         if not mechanism.lines.none:
-            of_lines = _line_partials(context, friction, q, tau, tree)
+            of_lines = _line_partials(context, friction, q, tau, motion)
             loads += [_on_frames(line, -of_lines.tensions) for line in of_lines.rows.closures]
         if wrenches is not None and wrenches.any():
-            loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
+            loads.append(_on_mass_centres(motion, context.loops, wrenches.reshape(-1, 6)))
         if mechanism.weight_shares is not None:
-            loads.append(_lifts(tree, context.loops, mechanism.weightless_parts))
+            loads.append(_lifts(motion, context.loops, mechanism.weightless_parts))
 
         # Partial derivatives of F - Phi^T lambda.
         of_tree = self._tree_partials(v, v_dot, loads)
