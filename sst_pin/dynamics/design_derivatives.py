@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives by design parameters: placements, lengths, masses and mass centres.
 
-Parameters that change the geometry: the robot gets an additional joint, a slide or a turn, at each
-place that the change displaces. The position of this joint is the amount of the change. At zero the
-larger mechanism is the robot; the added joints are at rest. Derivatives by the amount of the change
-are therefore derivatives along a coordinate of the larger mechanism. Its L, L_dot and derivatives
-of forces contain them.
+Some parameters change the geometry. For these, the robot gets an additional joint, a slide or a
+turn, at each place that the change displaces. The position of this joint is the amount of the
+change. The added joints stay at zero, where the larger mechanism moves as the robot does.
+Derivatives by the amount of the change are therefore derivatives along a coordinate of the larger
+mechanism. Its L, L_dot and derivatives of forces contain them.
 
-Dynamic parameters: the forces are linear in them, so the derivatives are columns of the regressor.
+Other parameters are dynamic, such as masses. The forces are linear in them, so the derivatives are
+columns of the regressor.
 
 The module first reads the names of parameters (`groups_of`, `changed`). `Design` then makes the
-larger mechanism and computes the derivatives at one sample; `design_derivatives`, at the end, is
-its function for batches.
+larger mechanism and computes the derivatives at one sample. `design_derivatives`, at the end, does
+so for a batch.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from fnmatch import filter as fitting
+from fnmatch import filter as matching
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, for_each_sample, in_order, single_array
-from ..arrays import names as words
+from ..arrays import names as checked_names
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
 from ..model.enlarged_tree import RestingJoint, enlarged, with_extended_rods
@@ -74,7 +75,7 @@ class FrameWrenches(NamedTuple):
 
 
 class DesignDerivatives(NamedTuple):
-    """Derivatives by design parameters, the positions of the coordinates, va and aa held.
+    """Derivatives by design parameters, with constant positions, va and aa of the coordinates.
 
     Attributes:
         names: The parameters.
@@ -111,11 +112,11 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
         elif isinstance(parameter, Mapping):
             patterns = parameter
         else:
-            patterns = dict.fromkeys(words("names", parameter), 1.0)
+            patterns = dict.fromkeys(checked_names("names", parameter), 1.0)
         factors: dict[str, float] = {}
         for pattern, factor in patterns.items():
             number = float(single_array("factors", factor, ()))
-            names = [pattern] if pattern in known else fitting(known, str(pattern))
+            names = [pattern] if pattern in known else matching(known, str(pattern))
             if not names:
                 raise UnknownNameError("design parameter", str(pattern), list(known))
             for name in names:
@@ -151,14 +152,19 @@ def changed(mechanism: Mechanism, changes: Mapping[str, float] | object) -> Chan
         raise InputError("changes", problem)
     numbers = {name: float(single_array("changes", x, ())) for name, x in changes.items()}
     (group,) = groups_of(mechanism, [numbers])
-    total = group.factors
     theta = regressor.parameters_of(mechanism)
-    geometry = parameter_names(mechanism)
-    of_geometry = {x: c for x, c in total.items() if x in geometry}
+    names_of_geometry = parameter_names(mechanism)
+    of_geometry: dict[str, float] = {}
+    new_theta: dict[str, float] = {}
+    for name, change in group.factors.items():
+        if name in names_of_geometry:
+            of_geometry[name] = change
+        else:
+            new_theta[name] = theta[name] + change
     return ChangedDesign(
         model=displaced(mechanism.model, displacements(mechanism, of_geometry)),
         extensions=extensions(mechanism.closures, of_geometry),
-        dynamic_parameters={x: theta[x] + c for x, c in total.items() if x not in geometry},
+        dynamic_parameters=new_theta,
     )
 
 
@@ -187,15 +193,18 @@ class _AddedJoints(NamedTuple):
 
 def _added_joints(mechanism: Mechanism, groups: Sequence[Group]) -> _AddedJoints:
     """The joints for all groups that change the geometry."""
-    geometry = parameter_names(mechanism)
+    names_of_geometry = parameter_names(mechanism)
     at_rest: list[RestingJoint] = []
     rods: dict[str, str] = {}
     couplings: list[Coupling] = []
     leaders: list[str] = []
     directions: list[Array] = []
     for k, group in enumerate(groups):
-        changes = {name: factor for name, factor in group.factors.items() if name in geometry}
-        # The rate of each joint at a unit rate of the group.
+        changes = {
+            name: factor for name, factor in group.factors.items() if name in names_of_geometry
+        }
+        # The rate of each joint at a unit rate of the group. The axes of the joints are unit
+        # vectors, so a rate is the size of a displacement.
         rates: dict[str, float] = {}
         for joint in _joints_at_places(displacements(mechanism, changes), k):
             at_rest.append(joint)
@@ -213,7 +222,7 @@ def _added_joints(mechanism: Mechanism, groups: Sequence[Group]) -> _AddedJoints
         directions.append(direction)
         for follower in followers:
             ratio = rates[follower] / rates[leader]
-            couplings.append(Coupling(follower, {leader: (0.0, ratio)}))
+            couplings.append(Coupling(follower, {leader: (0.0, ratio)}))  # ratio times the leader
     matrix = np.array(directions).reshape(len(directions), len(groups))
     return _AddedJoints(at_rest, rods, couplings, leaders, matrix)
 
