@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The natural orthogonal complement: L, K, T and their rates, Eqs. (3)-(25), one configuration.
 
-Sect. 3 of the paper with its letters. `JointComplement` computes L, Eqs. (3)-(8), (16)-(20); the
-functions after `bodies` compute K and T. Joints keep the order of the tree: they are not sorted
-into actuated and unactuated ones. Phi^a are the columns of Phi for the coordinates, Phi^u those for
-the dependent rates.
+Sect. 3 of the paper with its letters. `JointComplement` computes L, Eqs. (3)-(8), (16)-(20);
+`bodies` computes K, M and Omega, and `natural_complement` T. Joints keep the order of the tree:
+they are not sorted into actuated and unactuated ones. Phi^a are the columns of Phi for the
+coordinates, Phi^u those for the dependent rates.
 
 In `Bodies`, T and N_l, and only there, twists are [omega; v] and wrenches [moment; force], at the
 mass centres in base axes, as in the paper. Everywhere else they are [v; omega] and [force; moment],
@@ -73,7 +73,7 @@ class JointComplement:
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism = mechanism
         self._loops = loops
-        self._S_a = mechanism.selection.T
+        self._S_a = mechanism.selection.T  # the identity at the coordinates, shape (nv, n)
         self._row_scale = mechanism.row_scale
         per_rate = mechanism.rate_scale
         per_coordinate = mechanism.rate_scale[mechanism.coordinates]
@@ -180,7 +180,7 @@ class JointComplement:
         if violations.dot(violations) <= self._least_allowed**2:
             return  # sufficient, and quick: no entry is larger than the norm
         if not np.abs(violations).max(initial=0.0) <= self._allowed:
-            self._refuse(Phi, 0.0)
+            self._refuse(Phi, 0.0)  # no block is singular
 
     @property
     def _allowed(self) -> float:
@@ -380,10 +380,10 @@ def natural_complement(bodies: Bodies, L: Array, L_dot: Array) -> tuple[Array, A
 
 
 def decoupled(loops: Loops) -> tuple[Array, Array]:
-    """N_l, shape (6 r, 6 r), and N_d, shape (6 r, nv), with K = N_l N_d, of the paper's [5, 6].
+    """N_l, shape (6 r, 6 r), and N_d, shape (6 r, nv), with K = N_l N_d, as in [5, 6] of the paper.
 
     N_d is block diagonal and has the twist of each body relative to its parent. N_l has unit blocks
-    on the diagonal and zeros above; it adds the twist of a body to those of all bodies behind it.
+    on the diagonal and zeros above; it adds the twist of a body to those of all bodies after it.
     The forward recursion of inverse dynamics is N_l, the backward recursion is its transpose.
     """
     model = loops.model
