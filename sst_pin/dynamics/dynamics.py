@@ -153,6 +153,18 @@ class Context:
 
     All of them belong to one configuration, the current q. It is the last one for which `evaluate`,
     `complement.evaluate` or `complement.motion` was called.
+
+    Attributes:
+        mechanism: The mechanism.
+        loops: f, Phi and Phi_dot of the closures.
+        tree: The normal tree, on which Pinocchio computes; its rates are S v.
+        data: Pinocchio's data of the normal tree.
+        complement: L and the inverse of Phi^u.
+        lines: Lengths of the lines and their rates.
+        assembly: Closes the loops by steps in which wheels may slip and braked joints may move.
+        without_slip: Closes the loops by steps in which wheels roll and braked joints rest.
+        whole_inertia: The result of `whole_inertia`, [kg m^2].
+        steady: Zero accelerations of the coordinates, for motions with constant va.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -162,12 +174,9 @@ class Context:
         self.data = self.loops.data
         self.complement = JointComplement(mechanism, self.loops)
         self.lines = LineKinematics(mechanism)
-        #: Closes the loops by steps in which wheels may slip and braked joints may move.
         self.assembly = Assembly(mechanism, self.loops)
-        #: Closes the loops by steps in which wheels roll and braked joints rest.
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self.whole_inertia = whole_inertia(mechanism)
-        #: Zero accelerations of the coordinates, for motions with constant va.
         self.steady = np.zeros(len(mechanism.coordinates))
 
     @cached_property
@@ -195,8 +204,8 @@ class Context:
         They are K^T (M t_dot + Omega M t - w^g), Eqs. (68), (77), and the forces of rotors and of
         masses that move with the lengths of lines.
         """
-        # The normal tree has the configuration loops.q and the rates S v; its mimic joints have
-        # numbers of their own. Lines have the configuration of the model, loops.q_of_model.
+        # In the normal tree, each mimic joint has a coordinate of its own. So its configuration is
+        # loops.q, and its rates are S v. Lines have the configuration of the model.
         S = self.tree.S
         motion = self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)
         if self.mechanism.weight_shares is None:
