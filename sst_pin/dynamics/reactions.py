@@ -286,8 +286,8 @@ def _wrenches_in_motion(
 def _multipliers(context: Context, needed: Array) -> tuple[Array, Array]:
     """The smallest lambda with Phi^T lambda = needed, shape (rows,), and N, shape (rows, k).
 
-    With the units R of rows and D of rates, (R Phi D)^T x = D needed is free of units, and
-    lambda = R x.
+    With the diagonal matrices R and D of the scales of rows and rates, (R Phi D)^T x = D needed is
+    free of units, and lambda = R x. `needed` are the forces on the tree, shape (nv,).
     """
     mechanism = context.mechanism
     R = mechanism.row_scale
