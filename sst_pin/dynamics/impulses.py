@@ -167,7 +167,11 @@ def _solved(rows: Rows, Y: Array, free: Array, start: Array, acting: Flags) -> t
 
 
 class _Problem:
-    """x = P(x - w), w = A x + u, with the diagonal of A at most 1."""
+    """The impulses x of rows that act: x = P(x - w), with their rates w = A x + u.
+
+    A is J M^-1 J^T + diag(compliance), and u are the rates of the rows without impulses. Rows are
+    scaled, so that the diagonal of A is at most 1.
+    """
 
     def __init__(self, A: Array, u: Array, kinds: Indices, bounds: Array) -> None:
         self._A = A

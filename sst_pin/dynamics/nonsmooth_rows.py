@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The rows of a nonsmooth step: contacts, ropes, cables, stops and dry friction.
 
-A row is a direction in which an impulse acts in a step, with the rate along this direction. It says
-how both depend on each other; `impulses` has these laws and computes the impulses. A contact has
-three rows, along x, y and z of its ground; the last one is its normal row. Ropes, cables (the lines
-that only pull), stops, and joints and lines with dry friction have one row each.
+A row is a direction of motion: there is a rate along it, and an impulse acts along it in a step.
+The kind of the row has a law for both; `impulses` lists these laws and computes the impulses. A
+contact has three rows, along x, y and z of its ground; the last one is its normal row. Each rope,
+each cable (a line that only pulls), each stop, and each joint or line with dry friction has one
+row.
 
 `NonsmoothRows` lists the rows of a mechanism with the numbers that are the same in all steps.
 `nonsmooth_step` computes those that depend on the state.
