@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fnmatch import filter as fitting
+from fnmatch import filter as matching
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,7 +80,7 @@ def tolerances(
     sizes = dict[str, float]()
     known = chain.design_parameters
     for pattern, value in deviations.items():
-        names = [pattern] if pattern in known else fitting(known, str(pattern))
+        names = [pattern] if pattern in known else matching(known, str(pattern))
         if not names:
             raise UnknownNameError("design parameter", pattern, list(known))
         sizes |= dict.fromkeys(names, positive_number(pattern, value, or_zero=True))
