@@ -53,9 +53,9 @@ def joint_shapes(
         shape.meshColor = colour
         shapes.append(shape)
 
-    thicknesses = _thicknesses(links, model.njoints)
+    radii = _link_radii(links, model.njoints)
     for number in range(1, model.njoints):
-        r = thicknesses[number]
+        r = radii[number]
         name = model.names[number]
         joint_part = _joint_part(model, links, number, r)
         if joint_part is not None:
@@ -66,7 +66,7 @@ def joint_shapes(
     for closure in closures:
         if isinstance(closure, Closure):  # a distance has no shape
             frame = frame_named(model, closure.frame_a)
-            closure_part = _closure_part(closure, frame, thicknesses[frame.parentJoint])
+            closure_part = _closure_part(closure, frame, radii[frame.parentJoint])
             if closure_part is not None:
                 add(closure.frame_a, closure_part, _STEEL)
     return shapes
@@ -88,7 +88,7 @@ def _turns_in_place(model: pin.Model, number: int) -> bool:
 
 
 def _joint_part(model: pin.Model, links: pin.GeometryModel, number: int, r: float) -> _Part | None:
-    """The shape of a joint, whose sizes are multiples of the thickness r of the links; or None."""
+    """The shape of a joint, with sizes in multiples of the radius r of its links, or None."""
     joint = model.joints[number]
     parent = model.parents[number]
     placement = model.jointPlacements[number]
@@ -136,7 +136,7 @@ def _along(axis: Array) -> pin.SE3:
 
 
 def _pin_centre(model: pin.Model, links: pin.GeometryModel, number: int) -> pin.SE3:
-    """Where the pin of a hinge is on its body: the point of its axis nearest to the end of a link.
+    """The place of a hinge's pin on its body: the point of the axis nearest to the end of a link.
 
     The axis passes through the body's origin. Links are cylinders along their own z axes.
     """
@@ -156,15 +156,16 @@ def _pin_centre(model: pin.Model, links: pin.GeometryModel, number: int) -> pin.
     return shift(along_axis[nearest] * axis)
 
 
-def _thicknesses(links: pin.GeometryModel, joints: int) -> Array:
-    """Half the thickness of the thickest link of each body, at most twice the median, (joints,)."""
-    halves_of_bodies: list[list[float]] = [[] for _ in range(joints)]
+def _link_radii(links: pin.GeometryModel, joints: int) -> Array:
+    """Radius of the thickest link of each body, at most twice the median, shape (joints,), [m].
+
+    The radius of a box, and of a flat disc, is half of its least size.
+    """
+    radii_of_bodies: list[list[float]] = [[] for _ in range(joints)]
     for link in links.geometryObjects:
         shape = link.geometry
         size = shape.halfSide if isinstance(shape, coal.Box) else (shape.radius, shape.halfLength)
-        halves_of_bodies[link.parentJoint].append(float(min(size)))
-    median = float(np.median(np.concatenate(halves_of_bodies)))
-    thicknesses = []
-    for halves in halves_of_bodies:
-        thicknesses.append(min(max(halves, default=median), 2 * median))
-    return np.array(thicknesses)
+        radii_of_bodies[link.parentJoint].append(float(min(size)))
+    median = float(np.median(np.concatenate(radii_of_bodies)))
+    thickest = [max(radii, default=median) for radii in radii_of_bodies]
+    return np.minimum(thickest, 2 * median)
