@@ -116,6 +116,7 @@ class Reference(threading.local):
             sizes = np.abs(A).dot(np.abs(tau))
             if not (np.abs(unsupplied) <= UNSUPPLIED * sizes).all():
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
+                # f is finite, so no argument is at fault, but numbers may be too large together.
                 _require_finite(np.append(tau, sizes), (), ())
                 self._require_supplied(unsupplied, sizes)
         return tau
