@@ -37,9 +37,9 @@ long valid_states(double torque)
     const double units[] = {1}, p = 1;
     const stepper f = {1, 1, 1, 0, 0, 0, rest, close, units, 1, 1, 1, 1, 2};
     double start = 0, q, va, verdict[2];
-    const rows in[] = {{(char *)&start, 8, 8}, {(char *)&start, 8, 8}, {NULL, 0, 0}};
-    const courses tau = {{NULL, 0, 0}, 0};
-    const courses out[] = {
+    const sample_array in[] = {{(char *)&start, 8, 8}, {(char *)&start, 8, 8}, {NULL, 0, 0}};
+    const motion_array tau = {{NULL, 0, 0}, 0};
+    const motion_array out[] = {
         {{(char *)&q, 8, 8}, 8}, {{(char *)&va, 8, 8}, 8}, {{(char *)verdict, 16, 8}, 16}};
     real x[] = {REAL(0), REAL(0), REAL(torque)}, y[3], from[2], to[2];
     ptrdiff_t reached = 0;
@@ -50,7 +50,7 @@ long valid_states(double torque)
 int passes(double check)
 {
     const int zero[] = {0};
-    const pass g = {one, 1, 1, 1, zero, zero, zero};
+    const direction_pass g = {one, 1, 1, 1, zero, zero, zero};
     double result[1];
     real y[2];
     return compute_pass(&g, NULL, &check, NULL, result, y);

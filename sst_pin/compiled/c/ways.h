@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* The longest way of a joint between two configurations, free of units, for LANES robots at once, in
- * C and in Warp; NaN stays. */
-HELPER real longest_way(int q, const number *units, const real *from, const real *to)
+/* The distance of two configurations, for LANES robots at once, in C and in Warp: the largest
+ * change of an entry of q, times its unit. It is NaN if a change is. */
+HELPER real distance_between(int nq, const number *units, const real *from, const real *to)
 {
-    real longest = {0};
-    for (int j = 0; j < q; j++) {
-        const real way = ABSOLUTE(to[j] - from[j]) * units[j];
-        longest = choose(way <= longest, longest, way);
+    real largest = {0};
+    for (int j = 0; j < nq; j++) {
+        const real change = ABSOLUTE(to[j] - from[j]) * units[j];
+        largest = choose(change <= largest, largest, change); /* NaN is taken */
     }
-    return longest;
+    return largest;
 }

@@ -1,14 +1,15 @@
 ${declarations}
-int ${word}_${entry}(const rows *in, const rows *out, const double *p, ptrdiff_t count,
-    unsigned char *bad)
+int ${word}_${entry}(const sample_array *in, const sample_array *out, const double *p,
+    ptrdiff_t count, unsigned char *bad)
 {
     static const int sizes_in[] = {${sizes}}, known_at[] = {${known_at}};
     static const int order[] = {${order}}, entry_at[] = {${entry_at}};
     ${tables}
-    static const pass passes[] = {${passes}};
-    static const columns f = {${name}_once, ${inputs}, ${q}, ${outputs}, ${checks}, ${results}, ${width},
-        ${count}, known_at, passes, ${rank}, ${entries}, order, entry_at};
-    double x[${inputs}], once[${room}], result[${results}];
+    static const direction_pass passes[] = {${passes}};
+    static const directional_kernel f = {${name}_once, ${inputs}, ${q}, ${outputs}, ${checks},
+        ${results}, ${width}, ${count}, known_at, passes, ${rank}, ${entries}, order, entry_at};
+    double x[${inputs}], once[${room}], matrix[${results}];
     real y[${room_of_passes}];
-    return run_columns(&f, ${arrays}, sizes_in, x, once, result, y, in, out, p, count, bad);
+    return run_by_directions(
+        &f, ${arrays}, sizes_in, x, once, matrix, y, in, out, p, count, bad);
 }

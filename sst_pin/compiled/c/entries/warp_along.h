@@ -1,4 +1,6 @@
-/* As `compute_columns` in driver.h, one direction after the other; the result is in `out`. */
+/* Kernels along directions: `compute_matrix` of driver.h, which explains the arrays, for one
+ * direction after the other. The matrix is computed in `out`. PASS is the pass of group k, with
+ * `count` coordinates. */
 #define PASS(k, count, results, checks) \
     _Pragma("unroll 1") for (int l = 0; l < count; l++) { \
         real d[count]; \
@@ -17,7 +19,7 @@ RUN
     ${tables}
     const parameters own = column(p, i);
     real x[${inputs}], once[${room}], y[${room_of_passes}];
-    const real *factors = once + ${outputs}, *checks = factors + ${rank} + ${entries};
+    const real *inverses = once + ${outputs}, *L = inverses + ${rank}, *checks = L + ${entries};
     ${takes}
     ${name}_once(x, own, once);
     int bad = judge_numbers(x, ${q}, ${inputs});
@@ -27,20 +29,23 @@ RUN
     for (int j = 0; j < ${outputs}; j++)
         at(out, i, known_at[j]) = once[j];
     ${passes}
+    /* multiply by A^-1 = L^-T D^-1 L^-1; rows of `out` by `order` */
     for (int k = 0; k < ${entries}; k++) {
-        const int to = order[entry_at[2 * k]] * ${width}, from = order[entry_at[2 * k + 1]] * ${width};
+        const int row = order[entry_at[2 * k]] * ${width};
+        const int column = order[entry_at[2 * k + 1]] * ${width};
         for (int j = 0; j < ${width}; j++)
-            at(out, i, to + j) -= factors[${rank} + k] * at(out, i, from + j);
+            at(out, i, row + j) -= L[k] * at(out, i, column + j);
     }
     for (int k = 0; k < ${rank}; k++)
         for (int j = 0; j < ${width}; j++)
-            at(out, i, order[k] * ${width} + j) *= factors[k];
+            at(out, i, order[k] * ${width} + j) *= inverses[k];
     for (int k = ${entries} - 1; k >= 0; k--) {
-        const int to = order[entry_at[2 * k + 1]] * ${width}, from = order[entry_at[2 * k]] * ${width};
+        const int row = order[entry_at[2 * k]] * ${width};
+        const int column = order[entry_at[2 * k + 1]] * ${width};
         for (int j = 0; j < ${width}; j++)
-            at(out, i, to + j) -= factors[${rank} + k] * at(out, i, from + j);
+            at(out, i, column + j) -= L[k] * at(out, i, row + j);
     }
-    real zero = 0;
+    real zero = 0; /* x * 0 is NaN, not zero, if x is not finite */
     for (int j = 0; j < ${results}; j++)
         zero += at(out, i, j) * 0;
     bad = bad || zero == 0 ? bad : NOT_FINITE;

@@ -1,4 +1,5 @@
-/* Newton steps that start short and shrink fast lead to the one solution nearby. */
+/* Newton's method onto the closures. If its first step is short and the others shrink fast, it
+ * leads to the one solution nearby; otherwise the loops count as open. */
 RUN
 {
     const int nq = ${q};
@@ -8,13 +9,15 @@ RUN
     int bad = judge_numbers(x, nq, nq);
 #pragma unroll 1
     for (int step = 0; step < 6 && length > LAST_STEP && !bad; step++) {
-        const real most = step == 0 ? ${longest_first_step} : ${largest_ratio} * length + LAST_STEP;
+        const real longest =
+            step == 0 ? ${longest_first_step} : ${largest_ratio} * length + LAST_STEP;
         ${name}(x, column(p, i), y);
-        length = longest_way(nq, units, x, y);
-        bad = length <= most ? 0 : OPEN;
+        length = distance_between(nq, units, x, y);
+        bad = length <= longest ? 0 : OPEN;
         for (int j = 0; j < nq; j++)
             x[j] = y[j];
     }
+    /* y has q, two numbers for other callers, checks */
     if (!bad)
         bad = judge(x, nq, nq, y, nq, 0) ? NOT_FINITE : judge_checks(y + nq + 2, ${checks});
     give(x, out, i, nq, bad);

@@ -1,54 +1,67 @@
-/* The classical Runge-Kutta method with constant torques, and Newton's method onto the closures
- * after each step, as in driver.h. Between two assembly modes, and near a singularity, a block of
- * Phi_u is almost singular: so det Phi_u may change little to the middle of a step and to its end. */
+/* Steps with constant torques: the classical Runge-Kutta method, then Newton's method onto the
+ * closures, as in driver.h. A step that may leave the assembly mode makes a sample bad: between two
+ * modes, and near a singularity, det Phi_u changes much, so that it may change only little to the
+ * middle of a step and from there to its end. */
 RUN
 {
-    const int nq = ${q}, states = ${outputs}, outputs = nq + 2;
+    const int nq = ${q}, states = ${outputs}, outputs = nq + 2; /* of rate, of close */
     const number units[] = {${units}};
     const parameters own = column(p, i);
-    real x[${inputs}], y[${room}], start[states], sum[states];
+    real x[${inputs}], y[${room}], start[states], end[states];
     ${takes}
     ${close}(x, own, y);
     real det = y[nq];
     int bad = judge_numbers(x, nq, ${inputs});
     for (int s = 0; s < steps && !bad; s++) {
+        /* the Runge-Kutta method; `end` becomes the state at the end, with open loops */
         for (int j = 0; j < states; j++)
-            sum[j] = start[j] = x[j];
+            end[j] = start[j] = x[j];
 #pragma unroll 1
         for (int stage = 0; stage < 4; stage++) {
             ${name}(x, own, y);
             if (stage == 0)
                 bad = judge(x, nq, ${inputs}, y, states, ${checks});
             const number weight = h / (stage == 0 || stage == 3 ? 6 : 3);
-            const number ahead = stage == 2 ? h : h / 2;
+            const number ahead = stage == 2 ? h : h / 2; /* to the next stage */
             for (int j = 0; j < states; j++) {
-                sum[j] += weight * y[j];
+                end[j] += weight * y[j];
                 x[j] = start[j] + ahead * y[j];
             }
         }
-        real before = det, gap = 1;
+
+        /* Newton's method: call 0 is one step in the middle, the others close the loops at the end.
+         * They share a loop, so that the code of the kernel, which is long, stands here once. det
+         * Phi_u is compared at the start, in the middle, and at the end. */
+        real left = 1; /* length of the last step of Newton's method at the end */
         int sound = 1;
         for (int j = 0; j < states; j++)
-            x[j] = j < nq ? (start[j] + sum[j]) / 2 : sum[j];
+            x[j] = j < nq ? (start[j] + end[j]) / 2 : end[j];
 #pragma unroll 1
-        for (int step = 0; step < 4 && gap > LAST_STEP; step++) { /* the middle, then the end */
+        for (int call = 0; call < 4 && left > LAST_STEP; call++) {
             ${close}(x, own, y);
-            const real ratio = y[nq] / before;
-            sound &= step > 1 || (ratio * ${change} > 1 && ratio < ${change});
-            before = step == 0 ? y[nq] : before;
+            const real ratio = y[nq] / det, length = distance_between(nq, units, x, y);
+            const int changes_little = ratio * ${change} > 1 && ratio < ${change};
             det = y[nq];
-            const real length = longest_way(nq, units, x, y);
-            sound &= step > 0 || length < ${nearby};
-            gap = step == 0 ? 1 : length;
+            if (call == 0)
+                sound = changes_little && length < ${nearby};
+            if (call == 1)
+                sound = sound && changes_little;
+            if (call > 0)
+                left = length;
             for (int j = 0; j < nq; j++)
-                x[j] = step == 0 ? sum[j] : y[j];
+                x[j] = call == 0 ? end[j] : y[j];
         }
-        const real way = longest_way(nq, units, start, x), opened = longest_way(nq, units, sum, x);
-        sound &= way <= ${travel} && opened <= ${bend} * way + ${tolerance};
+        const real length = distance_between(nq, units, start, x);
+        const real correction = distance_between(nq, units, end, x);
+        sound = sound && length <= ${travel} && correction <= ${bend} * length + ${tolerance};
+
         if (!bad)
             bad = judge_numbers(x, nq, states);
-        if (!bad && (bad = judge_checks(y + outputs, ${close_checks})) != SINGULAR)
-            bad = bad || !sound ? MODE : 0;
+        if (!bad) {
+            bad = judge_checks(y + outputs, ${close_checks});
+            if (bad == OPEN || (!bad && !sound)) /* a long step leaves loops open, too */
+                bad = MODE;
+        }
     }
     give(x, out, i, nq, bad);
     give(x + nq, va_out, i, states - nq, bad);
