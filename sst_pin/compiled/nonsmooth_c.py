@@ -41,7 +41,7 @@ def step_source(
     contacts = mechanism.contacts
     layout = symbols.layout
     inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then the rest
-    # Members of `rows_of_robot` in nonsmooth_step.h, in their order: counts, places, sizes, tables.
+    # Members of `robot_tables` in nonsmooth_step.h, in their order: counts, places, sizes, tables.
     counts = {
         "n": layout.n,
         "q": inputs[0],

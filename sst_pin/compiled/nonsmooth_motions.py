@@ -119,7 +119,7 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Arr
     cables = [lines[k] for k in rows.cables]
     others = [lines[k] for k in other_lines(rows)]
     rates = implicit_rates(parameters)
-    # By the names and in the order of the members of `numbers_of_robot` in the C. Each entry is a
+    # By the names and in the order of the members of `robot_numbers` in the C. Each entry is a
     # number for all robots, or an array with one for each.
     parts: dict[str, list[Any]] = {
         # contacts

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Nonsmooth motions of many robots. The generated kernels take LANES of them at once, the solver of the
- * impulses takes them one by one. */
+/* Nonsmooth motions of many robots. The generated kernels compute LANES of them at once, the solver
+ * of the impulses computes one after the other. */
 #include <stdlib.h>
 
 /* The most series of the solver in a step. */
@@ -12,64 +12,64 @@ typedef struct {
     ptrdiff_t steps, count;
     const double *tau, *held;  /* torques, and positions that gains hold: (count, steps, motors) */
     const double *load;        /* external wrenches, (count, load) */
-    double *q, *va;            /* states, (count, steps + 1, nq or n); the first ones are the starts */
+    double *q, *va;            /* states, (count, steps + 1, nq or n); first the starts */
     double *forces, *residual; /* results, (count, steps, m) and (count, steps) */
-    double *impulses;          /* of the last step, where the next one starts, (count, m) */
-    ptrdiff_t *reached;        /* the steps that each motion has made, (count,) */
+    double *impulses;          /* (count, m): where the solver starts, then of the last step */
+    ptrdiff_t *reached;        /* number of steps that each motion has made, (count,) */
 } motions;
 
-/* Workspace: x are the inputs q, va and load of the kernels, y is for their results, `ends` for two
- * configurations, `one` for terms, q and va of one robot, `work` and `flags` for `nonsmooth_step`. */
+/* Workspace: of LANES robots the inputs x = (q, va, load) of the kernels, their results y and two
+ * configurations `ends`; of one robot its terms, q and va; `work` and `flags` of `nonsmooth_step`.
+ * */
 typedef struct {
     real *x, *y, *ends;
-    double *one, *work;
+    double *terms, *q, *va;
+    double *work;
     int *flags;
 } workspace;
 
-/* Take the starts of motions from `first` on into the lanes; the last one fills lanes that are left. */
+/* Pack the starts of motions from `first` on into x. */
 static void take_starts(
-    const rows_of_robot *r, const motions *all, ptrdiff_t first, int lanes, real *x)
+    const robot_tables *r, const motions *all, ptrdiff_t first, int lanes, real *x)
 {
-    for (int l = 0; l < LANES; l++) {
-        const ptrdiff_t k = first + (l < lanes ? l : lanes - 1);
-        for (int j = 0; j < r->q; j++)
-            LANE(x[j], l) = all->q[k * (all->steps + 1) * r->q + j];
-        for (int j = 0; j < r->n; j++)
-            LANE(x[r->q + j], l) = all->va[k * (all->steps + 1) * r->n + j];
-        for (int j = 0; j < r->load; j++)
-            LANE(x[r->q + r->n + j], l) = all->load[k * r->load + j];
-    }
+    const ptrdiff_t states = all->steps + 1, number_size = sizeof(double);
+    const sample_array q = {(char *)all->q, states * r->q * number_size, number_size};
+    const sample_array va = {(char *)all->va, states * r->n * number_size, number_size};
+    const sample_array load = {(char *)all->load, r->load * number_size, number_size};
+    take(x, &q, first, lanes, r->q);
+    take(x + r->q, &va, first, lanes, r->n);
+    take(x + r->q + r->n, &load, first, lanes, r->load);
 }
 
 /* Make step s of motion k, which is in lane l: its rates in x become those at the end of the step.
- * Returns false if the start of the motion is violated, or the step fails. */
-static int step_one(const rows_of_robot *r, const motions *all, const double *numbers, ptrdiff_t k,
+ * Returns false if the motion must not start there, or if the step fails. */
+static int step_one(const robot_tables *r, const motions *all, const double *numbers, ptrdiff_t k,
     ptrdiff_t s, int l, const workspace *w)
 {
     const ptrdiff_t step = k * all->steps + s;
-    double *terms = w->one, *q = terms + r->outputs, *va = q + r->q;
-    double *impulses = all->impulses + k * r->m;
+    const double *tau = all->tau + step * r->motors, *held = all->held + step * r->motors;
+    double *impulses = all->impulses + k * r->m, *residual = all->residual + step;
     for (int j = 0; j < r->outputs; j++)
-        terms[j] = LANE(w->y[j], l);
+        w->terms[j] = LANE(w->y[j], l);
     for (int j = 0; j < r->q; j++)
-        q[j] = LANE(w->x[j], l);
+        w->q[j] = LANE(w->x[j], l);
     for (int j = 0; j < r->n; j++)
-        va[j] = LANE(w->x[r->q + j], l);
-    if (s == 0 && !starts_free(r, terms, q, numbers, 1))
+        w->va[j] = LANE(w->x[r->q + j], l);
+    if (s == 0 && !may_start(r, w->terms, w->q, numbers, 1))
         return 0;
-    if (!nonsmooth_step(r, terms, q, va, all->tau + step * r->motors, all->held + step * r->motors,
-            all->h, numbers, SERIES, impulses, all->residual + step, w->work, w->flags))
+    if (!nonsmooth_step(r, w->terms, w->q, w->va, tau, held, all->h, numbers, SERIES, impulses,
+            residual, w->work, w->flags))
         return 0;
     for (int j = 0; j < r->m; j++)
         all->forces[step * r->m + j] = impulses[j] / all->h;
     for (int j = 0; j < r->n; j++)
-        LANE(w->x[r->q + j], l) = va[j];
+        LANE(w->x[r->q + j], l) = w->va[j];
     return 1;
 }
 
-/* Keep the state of lane l as that of motion k after step s. */
-static void keep_state(
-    const rows_of_robot *r, const motions *all, ptrdiff_t k, ptrdiff_t s, int l, const real *x)
+/* Save the state of lane l as that of motion k after step s. */
+static void save_state(
+    const robot_tables *r, const motions *all, ptrdiff_t k, ptrdiff_t s, int l, const real *x)
 {
     const ptrdiff_t state = k * (all->steps + 1) + s + 1;
     for (int j = 0; j < r->q; j++)
@@ -79,32 +79,33 @@ static void keep_state(
     all->reached[k] = s + 1;
 }
 
-/* Steps of many motions; a motion ends where a check fails. `numbers` are those of nonsmooth_step.h. */
-static void nonsmooth_roll(const rows_of_robot *r, const bounds_of_step *bounds, const double *p,
+/* Make the steps of all motions; a motion ends where a check fails. `numbers` are the physical
+ * parameters that nonsmooth_step.h lists, p the parameters of the kernels. */
+static void nonsmooth_roll(const robot_tables *r, const bounds_of_step *bounds, const double *p,
     const double *numbers, const motions *all, const workspace *w)
 {
     real *x = w->x, *y = w->y;
     for (ptrdiff_t first = 0; first < all->count; first += LANES) {
         const int lanes = all->count - first < LANES ? (int)(all->count - first) : LANES;
-        int alive[LANES], any = 1;
+        int alive[LANES], any_alive = 1; /* motions that have not ended */
         for (int l = 0; l < LANES; l++)
             alive[l] = l < lanes;
         take_starts(r, all, first, lanes, x);
         closing(x, p, y);
         real det = y[r->q];
-        for (ptrdiff_t s = 0; s < all->steps && any; s++) {
+        for (ptrdiff_t s = 0; s < all->steps && any_alive; s++) {
             nonsmooth_terms(x, p, y);
             const mask good = judge(x, r->q, r->q + r->n + r->load, y, r->outputs, r->checks);
             for (int l = 0; l < lanes; l++)
                 alive[l] = alive[l] && LANE(good, l)
                     && step_one(r, all, numbers, first + l, s, l, w);
             const mask sound = move_and_close(bounds, p, all->h, x, y, w->ends, &det);
-            any = 0;
+            any_alive = 0;
             for (int l = 0; l < lanes; l++) {
                 alive[l] = alive[l] && LANE(sound, l);
-                any |= alive[l];
+                any_alive |= alive[l];
                 if (alive[l])
-                    keep_state(r, all, first + l, s, l, x);
+                    save_state(r, all, first + l, s, l, x);
             }
         }
     }

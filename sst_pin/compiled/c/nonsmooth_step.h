@@ -1,19 +1,23 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* One nonsmooth step of one robot, as dynamics/nonsmooth_step.py makes it; that file gives the reasons.
- * It needs dense_solvers.h and impulses.h.
+/* One nonsmooth step of one robot, as dynamics/nonsmooth_step.py makes it. It needs impulses.h and
+ * dense_solvers.h.
  *
  * A step of length h leads from the rates va_0 of the coordinates to va (Moreau and Jean):
  *
- *     A free = M va_0 + h f,  A = M + h D + h^2 K      rates without the impulses
+ *     A free = M va_0 + h f,  A = M + h D + h^2 K      free rates: those without the impulses
  *     va = free + A^-1 J^T x                           with the impulses x of the rows J
  *     w = J va + bias + compliance x                   rates of the rows
  *
- * where x and w solve the problem of impulses.h. M is the inertia matrix, f are the forces at q, and D
- * and K are the damping and the stiffness of joints, of lines that also push, and of motors: these are
- * implicit, which means that they act with the rates va. With the bias gap / h, the gap after the step
- * is h w, which is not negative. */
+ * where x and w solve the problem of impulses.h. M is the inertia matrix, f are the forces at q. D
+ * and K are the damping and the stiffness of joints, of lines that also push, and of motors: these
+ * forces are implicit, which means that they act with the rates va. With the bias gap / h, the gap
+ * after the step is h w, which is not negative.
+ *
+ * The main function, `nonsmooth_step`, is near the end. It computes the free rates, sets the rows
+ * of contacts, ropes, cables, stops and dry friction, and solves for the rows that act. */
 
-/* A row of a gap that is not larger than this, without units, is rounding: as in thresholds.py. */
+/* The loops hold a gap whose rate for rates of the coordinates, free of units, is not larger than
+ * this: its rate is rounding. thresholds.py has the same number. */
 #ifdef SINGLE
 #define HELD_BY_LOOPS 1e-5f
 #else
@@ -26,101 +30,110 @@ typedef struct {
     int q;      /* entries of a configuration */
     int load;   /* entries of the external wrenches */
     int motors;
-    int m;      /* impulses, in this order: three of each contact, ropes, cables, stops, dry friction */
+    int m; /* impulses, in this order: three of each contact, ropes, cables, stops, dry friction */
     int contacts, ropes, cables, stops, dry;
     int implicit; /* implicit forces, in this order: joints, lines that also push, motors */
-    /* Where parts of the terms begin. The terms are the results of the kernel at q: the upper triangle
-     * of M, f, gaps of contacts and ropes, lengths of cables, positions of motors, entries of rows. */
+    /* The terms are the results of a generated kernel at q. Here its parts begin: the upper
+     * triangle of M, f, gaps of contacts and ropes, lengths of cables, positions of motors, entries
+     * of the sparse matrix below. */
     int at_inertia, at_forces, at_gaps, at_lengths, at_positions, at_entries;
     int outputs, checks; /* number of terms, and of the checks behind them */
-    /* A sparse matrix: row r has the entries row_start[r] to row_start[r + 1] - 1, in these columns,
-     * which ascend. */
+    /* A sparse matrix, whose rows are those of J and of implicit forces. Row r has the entries
+     * row_start[r] to row_start[r + 1] - 1, in these columns, which ascend. */
     const int *row_start, *row_column;
-    const int *impulse_row, *impulse_sign; /* a row of J is this row of the matrix, times 1 or -1 */
+    const int *impulse_row, *impulse_sign; /* row i of J is this row of the matrix, times 1 or -1 */
     const int *implicit_row;               /* row of the matrix of each implicit force */
     const int *stop_position;              /* index in q of each stop */
     const number *coordinate_scale, *gap_scale; /* the units of coordinates and of gaps */
-} rows_of_robot;
+} robot_tables;
 
-/* Other numbers of a robot, in the order of `parameter_values` in nonsmooth_motions.py. */
+/* Physical parameters of a robot, in the order of `parameter_values` in nonsmooth_motions.py. */
 typedef struct {
     const number *friction, *restitution; /* of contacts */
-    const number *offsets; /* of contacts and ropes: the gaps are the terms less these */
-    /* of cables; on_cables, shape (cables, motors), is the push of each motor per effort */
-    const number *line_stiffness, *rest_lengths, *line_damping, *preload, *on_cables;
+    const number *offsets; /* of contacts and ropes: the gaps are the terms minus these */
+    const number *line_stiffness, *rest_lengths, *line_damping, *preload; /* of cables */
+    const number *on_cables;           /* (cables, motors): push of each motor per effort */
     const number *limits;              /* of stops */
     const number *coulomb;             /* of dry friction */
     const number *damping, *stiffness; /* of implicit forces */
-    const number *least_gaps; /* with which a motion may start: of contacts, ropes and stops */
-} numbers_of_robot;
+    const number *least_gaps;          /* of contacts, ropes and stops at the start of a motion */
+} robot_numbers;
 
-/* The beginning of a step. */
+/* The robot at the start of a step. */
 typedef struct {
-    const rows_of_robot *robot;
-    numbers_of_robot numbers;
-    const number *terms, *entries; /* at q; entries are the last part of the terms */
+    const robot_tables *robot;
+    robot_numbers numbers;
+    const number *terms, *entries; /* at q; the entries are the last part of the terms */
     const number *q, *va;
     const number *tau;  /* torques of the motors */
     const number *held; /* positions that the stiffness of the motors holds */
     number h;
-} beginning;
+} step_start;
 
 /* Whether a row is solved for. */
 enum { NEVER_ACTS = -1, MAY_ACT, ACTS };
 
-/* All rows of a step; numbers that are not set are zero. */
+/* All m rows of a step; numbers that are not set are zero. */
 typedef struct {
     int *state;
     number *bias, *compliance;
-    number *bounds; /* as in impulses.h */
-} rows_of_step;
+    number *bounds; /* see impulses.h; the constant impulse of a cable without a row */
+} step_rows;
 
-/* The rows that act, as a problem without units. */
+/* The rows that act, as a problem of impulses.h. Rates are divided by the unit of their row and
+ * impulses multiplied by it, so that both are square roots of energies. */
 typedef struct {
-    int count, wide;
-    int *index; /* their numbers among all rows */
+    int count, wide; /* number of rows; length of the rows of Z and G */
+    int *index;      /* of each row among all rows */
     int *kinds;
-    /* With A = U^T D U, Z = D^(-1/2) U^(-T) J^T, shape (n, wide), so that J A^-1 J^T = Z^T Z. */
+    /* Z = D^(-1/2) U^(-T) J^T, shape (n, wide), with A = U^T D U: so J A^-1 J^T = Z^T Z. */
     number *Z;
-    number *G;    /* J A^-1 J^T + compliance, shape (count, wide) */
-    number *unit; /* the root of its diagonal entry; rates are divided by it, impulses multiplied */
+    number *G; /* J A^-1 J^T + compliance, shape (count, wide) */
+    number *unit;
     number *u, *bounds, *x;
 } acting_rows;
 
-/* Lengths of the workspaces `work` and `flags` of `nonsmooth_step`. */
-#define WORKSPACE(n, m, motors) ((n) * FILLED(n) + 2 * FILLED(n) + (n) * FILLED(m) \
-    + 2 * (m) * FILLED(m) + 16 * FILLED(m) + (motors))
-#define FLAGS(m) (5 * (m) + 1)
+/* The numbers of a step, in memory of the caller. */
+typedef struct {
+    int wide;  /* length of the rows of A */
+    number *A; /* later its factors */
+    number *effort, *free_rates, *changed_rates;
+    step_rows rows;
+    acting_rows acting;
+    problem p;
+    number *after_sweeps, *near, *best; /* workspace of `solve_rows` */
+} step_workspace;
 
-/* --- the numbers of a step ---------------------------------------------------------------------- */
+/* --- rows and gaps ---------------------------------------------------------------------------- */
 
-INLINED int first_rope(const rows_of_robot *robot)
+INLINED int first_rope(const robot_tables *robot)
 {
     return 3 * robot->contacts;
 }
 
-INLINED int first_cable(const rows_of_robot *robot)
+INLINED int first_cable(const robot_tables *robot)
 {
     return first_rope(robot) + robot->ropes;
 }
 
-INLINED int first_stop(const rows_of_robot *robot)
+INLINED int first_stop(const robot_tables *robot)
 {
     return first_cable(robot) + robot->cables;
 }
 
-INLINED int first_dry(const rows_of_robot *robot)
+INLINED int first_dry(const robot_tables *robot)
 {
     return first_stop(robot) + robot->stops;
 }
 
 /* The first motor among the implicit forces. */
-INLINED int first_motor(const rows_of_robot *robot)
+INLINED int first_motor(const robot_tables *robot)
 {
     return robot->implicit - robot->motors;
 }
 
-INLINED int kind_of(const rows_of_robot *robot, int i)
+/* The kind of row i, see impulses.h. */
+INLINED int kind_of(const robot_tables *robot, int i)
 {
     if (i >= first_dry(robot))
         return DRY;
@@ -129,9 +142,56 @@ INLINED int kind_of(const rows_of_robot *robot, int i)
     return i % 3 == 2 ? NORMAL : SIDE;
 }
 
-INLINED numbers_of_robot named_numbers(const rows_of_robot *robot, const number *numbers)
+/* Gaps are those of contacts, then ropes, then stops. */
+INLINED int gap_count(const robot_tables *robot)
 {
-    numbers_of_robot r;
+    return robot->contacts + robot->ropes + robot->stops;
+}
+
+/* The row of gap k; of a contact the normal row. */
+INLINED int row_of_gap(const robot_tables *robot, int k)
+{
+    const int contacts = robot->contacts, ropes = robot->ropes;
+    if (k < contacts)
+        return 3 * k + 2;
+    if (k < contacts + ropes)
+        return first_rope(robot) + k - contacts;
+    return first_stop(robot) + k - contacts - ropes;
+}
+
+/* Gap k; it is negative if the contact, rope or stop is violated. */
+INLINED number gap_of(const robot_tables *robot, const robot_numbers *numbers, const number *terms,
+    const number *q, int k)
+{
+    const int stop = k - robot->contacts - robot->ropes;
+    if (stop < 0)
+        return terms[robot->at_gaps + k] - numbers->offsets[k];
+    const number beyond = q[robot->stop_position[stop]] - numbers->limits[stop];
+    return robot->impulse_sign[first_stop(robot) + stop] * beyond;
+}
+
+/* Rate of row i, J_i v. */
+INLINED number rate_of(const step_start *b, const number *v, int i)
+{
+    const robot_tables *robot = b->robot;
+    const int row = robot->impulse_row[i];
+    number sum = 0;
+    for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++)
+        sum += b->entries[a] * v[robot->row_column[a]];
+    return robot->impulse_sign[i] * sum;
+}
+
+/* Set the state of row i; with a normal row, also those of the sides of its contact. */
+INLINED void set_state(const robot_tables *robot, const step_rows *rows, int i, int state)
+{
+    rows->state[i] = state;
+    if (kind_of(robot, i) == NORMAL)
+        rows->state[i - 1] = rows->state[i - 2] = state;
+}
+
+INLINED robot_numbers named_numbers(const robot_tables *robot, const number *numbers)
+{
+    robot_numbers r;
     r.friction = numbers;
     r.restitution = r.friction + robot->contacts;
     r.offsets = r.restitution + robot->contacts;
@@ -148,7 +208,14 @@ INLINED numbers_of_robot named_numbers(const rows_of_robot *robot, const number 
     return r;
 }
 
-/* The next numbers of a workspace. */
+/* --- workspace -------------------------------------------------------------------------------- */
+
+/* Lengths of the arrays `work` and `flags` of `nonsmooth_step`; `laid_out` divides them. */
+#define WORKSPACE(n, m, motors) ((n) * FILLED(n) + 2 * FILLED(n) + (n) * FILLED(m) \
+    + 2 * (m) * FILLED(m) + 16 * FILLED(m) + (motors))
+#define FLAGS(m) (5 * (m) + 1) /* 1, as an array must not be empty */
+
+/* The next numbers of an array. */
 INLINED number *next_numbers(number **work, int count)
 {
     number *first = *work;
@@ -156,21 +223,54 @@ INLINED number *next_numbers(number **work, int count)
     return first;
 }
 
-/* Rate of row i, J_i v. */
-INLINED number rate_of(const beginning *b, const number *v, int i)
+INLINED step_workspace laid_out(const robot_tables *robot, number *work, int *flags)
 {
-    const rows_of_robot *robot = b->robot;
-    const int row = robot->impulse_row[i];
-    number sum = 0;
-    for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++)
-        sum += b->entries[a] * v[robot->row_column[a]];
-    return robot->impulse_sign[i] * sum;
+    const int n = robot->n, m = robot->m, most = FILLED(m);
+    step_workspace s;
+    s.wide = FILLED(n);
+    s.A = next_numbers(&work, n * s.wide);
+    s.free_rates = next_numbers(&work, s.wide);
+    s.changed_rates = next_numbers(&work, s.wide);
+
+    s.rows.bias = next_numbers(&work, most);
+    s.rows.compliance = next_numbers(&work, most);
+    s.rows.bounds = next_numbers(&work, most);
+    s.rows.state = flags;
+
+    s.acting.Z = next_numbers(&work, n * most);
+    s.acting.G = next_numbers(&work, m * most);
+    s.acting.unit = next_numbers(&work, most);
+    s.acting.u = next_numbers(&work, most);
+    s.acting.bounds = next_numbers(&work, most);
+    s.acting.x = next_numbers(&work, most);
+    s.acting.index = flags + m;
+    s.acting.kinds = flags + 2 * m;
+
+    s.p.A = s.acting.G;
+    s.p.u = s.acting.u;
+    s.p.kinds = s.acting.kinds;
+    s.p.bounds = s.acting.bounds;
+    s.p.w = next_numbers(&work, most);
+    s.p.y = next_numbers(&work, most);
+    s.p.F = next_numbers(&work, most);
+    s.p.dx = next_numbers(&work, most);
+    s.p.D = next_numbers(&work, m * most);
+    s.p.right = next_numbers(&work, most);
+    s.p.row = next_numbers(&work, most);
+    s.p.formula = flags + 3 * m;
+    s.p.formula_of_factors = flags + 4 * m;
+
+    s.after_sweeps = next_numbers(&work, most);
+    s.near = next_numbers(&work, most);
+    s.best = next_numbers(&work, most);
+    s.effort = next_numbers(&work, robot->motors);
+    return s;
 }
 
-/* --- rates without the impulses ----------------------------------------------------------------- */
+/* --- rates without the impulses --------------------------------------------------------------- */
 
 /* A = M, its upper triangle, and momentum = M va_0 + h f. */
-INLINED void set_inertia(const beginning *b, number *A, int wide, number *momentum)
+INLINED void set_inertia(const step_start *b, number *A, int wide, number *momentum)
 {
     const int n = b->robot->n;
     const number *va = b->va;
@@ -189,8 +289,8 @@ INLINED void set_inertia(const beginning *b, number *A, int wide, number *moment
     }
 }
 
-/* Efforts of the motors at q, with those of their stiffness. */
-INLINED void set_efforts(const beginning *b, number *effort)
+/* Efforts of the motors at q: their torques, and those of their stiffness. */
+INLINED void set_efforts(const step_start *b, number *effort)
 {
     const number *stiffness = b->numbers.stiffness + first_motor(b->robot);
     const number *position = b->terms + b->robot->at_positions;
@@ -200,9 +300,9 @@ INLINED void set_efforts(const beginning *b, number *effort)
 
 /* Add h D + h^2 K to A, and the impulses of the motors to the momentum. */
 INLINED void add_implicit_forces(
-    const beginning *b, const number *effort, number *A, int wide, number *momentum)
+    const step_start *b, const number *effort, number *A, int wide, number *momentum)
 {
-    const rows_of_robot *robot = b->robot;
+    const robot_tables *robot = b->robot;
     const number h = b->h;
     for (int i = 0; i < robot->implicit; i++) {
         const int row = robot->implicit_row[i], motor = i - first_motor(robot);
@@ -218,20 +318,20 @@ INLINED void add_implicit_forces(
     }
 }
 
-/* --- rows --------------------------------------------------------------------------------------- */
-
-/* Cables. With the rate l_dot of its length and soft = damping + h stiffness, a cable has the tension
+/* Set the rows of cables. J va is the rate at which a cable shortens, -l_dot of its length. With
+ * its tension at the start of the step and soft = damping + h stiffness, the tension at the end is
  *
  *     x / h = tension + soft l_dot,
  *
- * or none where this is negative. So its row has the rate w = -l_dot - tension / soft + x / (h soft).
- * Gains of a motor on a cable add to its stiffness and damping. A cable without both has no row: its
- * tension is constant, its impulse is put in its bound and added to the momentum. */
+ * or zero where this is negative. The row is therefore w = J va - tension / soft + x / (h soft): it
+ * is zero in a taut cable, and positive in a slack one, whose x is zero. Gains of a motor on a
+ * cable add to its stiffness and damping. A cable with neither has a constant tension and no row:
+ * its impulse is added to the momentum, and kept in its bound. */
 INLINED void set_cables(
-    const beginning *b, const number *effort, const rows_of_step *rows, number *momentum)
+    const step_start *b, const number *effort, const step_rows *rows, number *momentum)
 {
-    const rows_of_robot *robot = b->robot;
-    const numbers_of_robot *numbers = &b->numbers;
+    const robot_tables *robot = b->robot;
+    const robot_numbers *numbers = &b->numbers;
     for (int k = 0; k < robot->cables; k++) {
         const number stretch = b->terms[robot->at_lengths + k] - numbers->rest_lengths[k];
         const number *push = numbers->on_cables + k * robot->motors;
@@ -248,49 +348,46 @@ INLINED void set_cables(
             const number soft = damping + b->h * stiffness;
             rows->bias[i] = -tension / soft;
             rows->compliance[i] = 1 / (b->h * soft);
-            continue;
+        } else {
+            rows->state[i] = NEVER_ACTS;
+            rows->bounds[i] = tension > 0 ? b->h * tension : 0;
+            for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++)
+                momentum[robot->row_column[a]] += rows->bounds[i] * b->entries[a];
         }
-        rows->state[i] = NEVER_ACTS;
-        rows->bounds[i] = tension > 0 ? b->h * tension : 0;
-        for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++)
-            momentum[robot->row_column[a]] += rows->bounds[i] * b->entries[a];
     }
 }
 
-/* Contacts. One that hits its ground with restitution e leaves it with e times its rate before. */
-INLINED void set_contacts(const beginning *b, const number *free_rates, const rows_of_step *rows)
+/* --- rows of gaps and dry friction ------------------------------------------------------------ */
+
+/* Set the rows of contacts. A contact that hits its ground with restitution e leaves it with e
+ * times the rate before. It hits the ground if it approaches it, and if its rate before the step or
+ * its free rate leads to the ground in this step. */
+INLINED void set_contacts(const step_start *b, const number *free_rates, const step_rows *rows)
 {
     for (int k = 0; k < b->robot->contacts; k++) {
-        const int normal = 3 * k + 2;
-        const number gap = b->terms[b->robot->at_gaps + k] - b->numbers.offsets[k];
+        const int normal = row_of_gap(b->robot, k);
+        const number gap = gap_of(b->robot, &b->numbers, b->terms, b->q, k);
         rows->bias[normal] = gap / b->h;
         rows->bounds[normal] = b->numbers.friction[k];
         const number restitution = b->numbers.restitution[k];
         if (restitution > 0) {
             const number before = rate_of(b, b->va, normal), ahead = rate_of(b, free_rates, normal);
-            if (before < 0 && gap + b->h * (before < ahead ? before : ahead) <= 0)
+            const number lower = before < ahead ? before : ahead;
+            if (before < 0 && gap + b->h * lower <= 0)
                 rows->bias[normal] = restitution * before;
         }
     }
 }
 
-INLINED void set_ropes_and_stops(const beginning *b, const rows_of_step *rows)
+INLINED void set_ropes_and_stops(const step_start *b, const step_rows *rows)
 {
-    const rows_of_robot *robot = b->robot;
-    for (int k = 0; k < robot->ropes; k++) {
-        const int gap = robot->contacts + k;
-        rows->bias[first_rope(robot) + k] =
-            (b->terms[robot->at_gaps + gap] - b->numbers.offsets[gap]) / b->h;
-    }
-    for (int k = 0; k < robot->stops; k++) {
-        const int i = first_stop(robot) + k;
-        const number beyond = b->q[robot->stop_position[k]] - b->numbers.limits[k];
-        rows->bias[i] = robot->impulse_sign[i] * beyond / b->h;
-    }
+    for (int k = b->robot->contacts; k < gap_count(b->robot); k++)
+        rows->bias[row_of_gap(b->robot, k)] =
+            gap_of(b->robot, &b->numbers, b->terms, b->q, k) / b->h;
 }
 
 /* Dry friction always acts, if there is any. */
-INLINED void set_dry_friction(const beginning *b, const rows_of_step *rows)
+INLINED void set_dry_friction(const step_start *b, const step_rows *rows)
 {
     for (int k = 0; k < b->robot->dry; k++) {
         const int i = first_dry(b->robot) + k;
@@ -299,54 +396,46 @@ INLINED void set_dry_friction(const beginning *b, const rows_of_step *rows)
     }
 }
 
-/* Whether row i, that of a gap, is more than rounding. */
-INLINED int can_move(const beginning *b, int i, int gap)
+/* Whether gap k can change: its row is larger than rounding. */
+INLINED int can_change(const step_start *b, int k)
 {
-    const rows_of_robot *robot = b->robot;
-    const int row = robot->impulse_row[i];
-    const number least = HELD_BY_LOOPS * robot->gap_scale[gap];
+    const robot_tables *robot = b->robot;
+    const int row = robot->impulse_row[row_of_gap(robot, k)];
+    const number least = HELD_BY_LOOPS * robot->gap_scale[k];
     for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++)
         if (MAGNITUDE(b->entries[a]) * robot->coordinate_scale[robot->row_column[a]] > least)
             return 1;
     return 0;
 }
 
-/* Let contacts, ropes and stops never act whose gaps the loops hold. */
-INLINED void drop_held_by_loops(const beginning *b, const rows_of_step *rows)
+/* Contacts, ropes and stops whose gaps the loops hold never act. */
+INLINED void drop_held_by_loops(const step_start *b, const step_rows *rows)
 {
-    const rows_of_robot *robot = b->robot;
-    int gap = 0;
-    for (int k = 0; k < robot->contacts; k++, gap++)
-        if (!can_move(b, 3 * k + 2, gap))
-            rows->state[3 * k] = rows->state[3 * k + 1] = rows->state[3 * k + 2] = NEVER_ACTS;
-    for (int k = 0; k < robot->ropes; k++, gap++)
-        if (!can_move(b, first_rope(robot) + k, gap))
-            rows->state[first_rope(robot) + k] = NEVER_ACTS;
-    for (int k = 0; k < robot->stops; k++, gap++)
-        if (!can_move(b, first_stop(robot) + k, gap))
-            rows->state[first_stop(robot) + k] = NEVER_ACTS;
+    for (int k = 0; k < gap_count(b->robot); k++)
+        if (!can_change(b, k))
+            set_state(b->robot, rows, row_of_gap(b->robot, k), NEVER_ACTS);
 }
 
-/* --- rows that act ------------------------------------------------------------------------------ */
+/* --- rows that act ---------------------------------------------------------------------------- */
 
-/* Let the rows act that these rates violate. Returns whether there are any. */
-INLINED int add_violated(const beginning *b, const rows_of_step *rows, const number *rates)
+/* Let the rows act that these rates violate. Returns whether there are new ones. */
+INLINED int add_violated(const step_start *b, const step_rows *rows, const number *rates)
 {
     int any = 0;
     for (int i = 0; i < first_dry(b->robot); i++) {
-        const int kind = kind_of(b->robot, i);
-        if (kind == SIDE || rows->state[i] != MAY_ACT || !(rate_of(b, rates, i) + rows->bias[i] < 0))
+        /* the sides of a contact follow its normal row */
+        if (kind_of(b->robot, i) == SIDE || rows->state[i] != MAY_ACT)
             continue;
-        any = 1;
-        rows->state[i] = ACTS;
-        if (kind == NORMAL)
-            rows->state[i - 1] = rows->state[i - 2] = ACTS;
+        if (rate_of(b, rates, i) + rows->bias[i] < 0) {
+            any = 1;
+            set_state(b->robot, rows, i, ACTS);
+        }
     }
     return any;
 }
 
 /* List the rows that act; returns their number. */
-INLINED int list_acting(const rows_of_robot *robot, const rows_of_step *rows, acting_rows *acting)
+INLINED int list_acting(const robot_tables *robot, const step_rows *rows, acting_rows *acting)
 {
     int count = 0;
     for (int i = 0; i < robot->m; i++)
@@ -359,26 +448,29 @@ INLINED int list_acting(const rows_of_robot *robot, const rows_of_step *rows, ac
     return count;
 }
 
-/* Z, from the factors of A. */
-INLINED void set_Z(const beginning *b, const number *A, int wide, const acting_rows *acting)
+/* Set Z, from the factors of A. */
+INLINED void set_Z(const step_start *b, const number *A, int wide, const acting_rows *acting)
 {
-    const rows_of_robot *robot = b->robot;
+    const robot_tables *robot = b->robot;
     memset(acting->Z, 0, robot->n * acting->wide * sizeof(number));
-    for (int k = 0; k < acting->count; k++) {
+    for (int k = 0; k < acting->count; k++) { /* Z = J^T */
         const int i = acting->index[k], row = robot->impulse_row[i];
-        for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++)
-            acting->Z[robot->row_column[a] * acting->wide + k] = robot->impulse_sign[i] * b->entries[a];
+        for (int a = robot->row_start[row]; a < robot->row_start[row + 1]; a++) {
+            number *z = acting->Z + robot->row_column[a] * acting->wide;
+            z[k] = robot->impulse_sign[i] * b->entries[a];
+        }
     }
     solve_many(A, acting->Z, robot->n, wide, acting->wide);
 }
 
-/* Units from the diagonal of J A^-1 J^T + compliance; the three rows of a contact have one unit, so
- * that the cone of friction stays round. No impulse can change a row with a diagonal entry of zero: it
- * never acts from now on. Returns whether there is such a row. */
-INLINED int set_units(const beginning *b, const rows_of_step *rows, const acting_rows *acting)
+/* Set the units: square roots of the diagonal of J A^-1 J^T + compliance. The three rows of a
+ * contact have one unit, so that the cone of friction stays round. If a diagonal entry is zero, no
+ * impulse can change the rate of this row: it never acts from now on. Returns whether there is such
+ * a row. */
+INLINED int set_units(const step_start *b, const step_rows *rows, const acting_rows *acting)
 {
     const int count = acting->count;
-    number *size = acting->unit;
+    number *size = acting->unit; /* the squares of the units, until the end */
     int any = 0;
     for (int k = 0; k < count; k++)
         size[k] = rows->compliance[acting->index[k]];
@@ -388,14 +480,11 @@ INLINED int set_units(const beginning *b, const rows_of_step *rows, const acting
             size[k] += z[k] * z[k];
     }
     for (int k = 0; k < count; k++) {
-        const int is_normal = acting->kinds[k] == NORMAL, i = acting->index[k];
         if (acting->kinds[k] != SIDE && !(size[k] > 0)) {
             any = 1;
-            rows->state[i] = NEVER_ACTS;
-            if (is_normal)
-                rows->state[i - 1] = rows->state[i - 2] = NEVER_ACTS;
+            set_state(b->robot, rows, acting->index[k], NEVER_ACTS);
         }
-        if (is_normal) {
+        if (acting->kinds[k] == NORMAL) {
             const number larger = size[k - 1] > size[k - 2] ? size[k - 1] : size[k - 2];
             size[k] = size[k] > larger ? size[k] : larger;
             size[k - 1] = size[k - 2] = size[k];
@@ -406,8 +495,9 @@ INLINED int set_units(const beginning *b, const rows_of_step *rows, const acting
     return any;
 }
 
-/* The problem w = G x + u of the rows, in their units; the solver starts from the impulses `start`. */
-INLINED void set_problem(const beginning *b, const rows_of_step *rows, const number *free_rates,
+/* Set the problem w = G x + u of the rows, in their units. The solver starts from the impulses
+ * `start`. */
+INLINED void set_problem(const step_start *b, const step_rows *rows, const number *free_rates,
     const number *start, const acting_rows *acting)
 {
     const int count = acting->count, wide = acting->wide;
@@ -422,7 +512,7 @@ INLINED void set_problem(const beginning *b, const rows_of_step *rows, const num
             acting->Z[j * wide + k] *= inverse;
     }
     memset(G, 0, count * wide * sizeof(number));
-    for (int j = 0; j < b->robot->n; j++) {
+    for (int j = 0; j < b->robot->n; j++) { /* G = Z^T Z */
         const number *z = acting->Z + j * wide;
         for (int k = 0; k < count; k++)
             if (z[k] != 0)
@@ -435,7 +525,7 @@ INLINED void set_problem(const beginning *b, const rows_of_step *rows, const num
 }
 
 /* rates = free + A^-1 J^T x = free + U^-1 D^(-1/2) Z x. */
-INLINED void set_rates(const beginning *b, const number *A, int wide, const number *free_rates,
+INLINED void set_rates(const step_start *b, const number *A, int wide, const number *free_rates,
     const acting_rows *acting, number *rates)
 {
     const int n = b->robot->n;
@@ -451,18 +541,34 @@ INLINED void set_rates(const beginning *b, const number *A, int wide, const numb
         rates[j] += free_rates[j];
 }
 
-/* --- the step ----------------------------------------------------------------------------------- */
+/* --- the step --------------------------------------------------------------------------------- */
 
-/* One step of length h from q, at which the kernel has these terms. The rates va become those at the
- * end of the step. The impulses x of the step before, where the solver starts, become those of this
- * step. `residual` gets the error of x, see impulses.h; `series` is the most series of the solver.
- * False if A is not positive definite or a rate is not finite. `work` and `flags` are workspace. */
-FAST int nonsmooth_step(const rows_of_robot *robot, const number *terms, const number *q, number *va,
+/* Factorise A and set the free rates and the rows of cables. False if A is not positive definite.
+ * */
+INLINED int set_free_rates(const step_start *b, const step_workspace *s)
+{
+    number *momentum = s->free_rates; /* becomes the free rates */
+    set_inertia(b, s->A, s->wide, momentum);
+    set_efforts(b, s->effort);
+    add_implicit_forces(b, s->effort, s->A, s->wide, momentum);
+    set_cables(b, s->effort, &s->rows, momentum);
+    if (!factorize(s->A, b->robot->n, s->wide, s->changed_rates))
+        return 0;
+    solve_symmetric(s->A, momentum, b->robot->n, s->wide);
+    return 1;
+}
+
+/* One step of length h from q, at which the kernel has these terms. The rates va become those at
+ * the end of the step. The impulses x of the step before, where the solver starts, become those of
+ * this step. `residual` gets the error of x, see impulses.h; `series` is the most series of the
+ * solver. False if A is not positive definite or a rate is not finite. `work` and `flags` are
+ * workspace. */
+FAST int nonsmooth_step(const robot_tables *robot, const number *terms, const number *q, number *va,
     const number *tau, const number *held, number h, const number *numbers, int series, number *x,
     number *residual, number *work, int *flags)
 {
-    const int n = robot->n, m = robot->m, wide = FILLED(n), most = FILLED(m);
-    beginning b;
+    const int n = robot->n, m = robot->m;
+    step_start b;
     b.robot = robot;
     b.numbers = named_numbers(robot, numbers);
     b.terms = terms;
@@ -472,110 +578,70 @@ FAST int nonsmooth_step(const rows_of_robot *robot, const number *terms, const n
     b.tau = tau;
     b.held = held;
     b.h = h;
-    number *A = next_numbers(&work, n * wide);
-    number *free_rates = next_numbers(&work, wide), *changed_rates = next_numbers(&work, wide);
-    rows_of_step rows;
-    rows.bias = next_numbers(&work, most);
-    rows.compliance = next_numbers(&work, most);
-    rows.bounds = next_numbers(&work, most);
-    rows.state = flags;
-    acting_rows acting;
-    acting.Z = next_numbers(&work, n * most);
-    acting.G = next_numbers(&work, m * most);
-    acting.unit = next_numbers(&work, most);
-    acting.u = next_numbers(&work, most);
-    acting.bounds = next_numbers(&work, most);
-    acting.x = next_numbers(&work, most);
-    acting.index = flags + m;
-    acting.kinds = flags + 2 * m;
-    problem p;
-    p.A = acting.G;
-    p.u = acting.u;
-    p.kinds = acting.kinds;
-    p.bounds = acting.bounds;
-    p.w = next_numbers(&work, most);
-    p.y = next_numbers(&work, most);
-    p.F = next_numbers(&work, most);
-    p.dx = next_numbers(&work, most);
-    p.D = next_numbers(&work, m * most);
-    p.right = next_numbers(&work, most);
-    p.row = next_numbers(&work, most);
-    p.formula = flags + 3 * m;
-    p.formula_of_factors = flags + 4 * m;
-    number *after_sweeps = next_numbers(&work, most), *near = next_numbers(&work, most);
-    number *best = next_numbers(&work, most), *effort = next_numbers(&work, robot->motors);
 
+    step_workspace s = laid_out(robot, work, flags);
     for (int i = 0; i < m; i++) {
-        rows.state[i] = MAY_ACT;
-        rows.bias[i] = rows.compliance[i] = rows.bounds[i] = 0;
+        s.rows.state[i] = MAY_ACT;
+        s.rows.bias[i] = s.rows.compliance[i] = s.rows.bounds[i] = 0;
     }
-    number *momentum = free_rates; /* becomes the free rates */
-    set_inertia(&b, A, wide, momentum);
-    set_efforts(&b, effort);
-    add_implicit_forces(&b, effort, A, wide, momentum);
-    set_cables(&b, effort, &rows, momentum);
-    if (!factorize(A, n, wide, changed_rates))
+    if (!set_free_rates(&b, &s))
         return 0;
-    solve_symmetric(A, free_rates, n, wide);
+    set_contacts(&b, s.free_rates, &s.rows);
+    set_ropes_and_stops(&b, &s.rows);
+    set_dry_friction(&b, &s.rows);
+    drop_held_by_loops(&b, &s.rows);
 
-    set_contacts(&b, free_rates, &rows);
-    set_ropes_and_stops(&b, &rows);
-    set_dry_friction(&b, &rows);
-    drop_held_by_loops(&b, &rows);
-
-    /* Solve for the rows that act, and let those act too that the result violates, until there are no
-     * more. A row that acts goes on to act, so this ends. */
-    const number *rates = free_rates;
+    /* Solve for the rows that act. Then let those act too that the result violates, and solve
+     * again, until there are no more. A row that acts stays among them, so this ends. */
+    const number *rates = s.free_rates;
     int solved = 0; /* whether `rates` are those after impulses */
     *residual = 0;
     for (;;) {
-        const int added = add_violated(&b, &rows, rates);
-        const int count = list_acting(robot, &rows, &acting);
-        if (!count || (solved && !added))
+        const int any_new = add_violated(&b, &s.rows, rates);
+        const int count = list_acting(robot, &s.rows, &s.acting);
+        if (!count || (solved && !any_new))
             break;
-        set_Z(&b, A, wide, &acting);
-        if (set_units(&b, &rows, &acting)) { /* some cannot be changed: start again without them */
-            rates = free_rates;
+        set_Z(&b, s.A, s.wide, &s.acting);
+        if (set_units(&b, &s.rows, &s.acting)) {
+            /* impulses cannot change some of the rows: start again without these */
+            rates = s.free_rates;
             solved = 0;
             continue;
         }
-        set_problem(&b, &rows, free_rates, x, &acting);
-        p.m = count;
-        p.wide = acting.wide;
-        p.proximal_of_factors = 0;
-        *residual = solve_rows(&p, acting.x, series, after_sweeps, near, best);
-        set_rates(&b, A, wide, free_rates, &acting, changed_rates);
-        rates = changed_rates;
+        set_problem(&b, &s.rows, s.free_rates, x, &s.acting);
+        s.p.m = count;
+        s.p.wide = s.acting.wide;
+        s.p.proximal_of_factors = 0;
+        *residual = solve_rows(&s.p, s.acting.x, series, s.after_sweeps, s.near, s.best);
+        set_rates(&b, s.A, s.wide, s.free_rates, &s.acting, s.changed_rates);
+        rates = s.changed_rates;
         solved = 1;
         memset(x, 0, m * sizeof(number));
         for (int k = 0; k < count; k++)
-            x[acting.index[k]] = acting.x[k] / acting.unit[k];
+            x[s.acting.index[k]] = s.acting.x[k] / s.acting.unit[k];
     }
 
     if (!solved)
         memset(x, 0, m * sizeof(number));
     for (int i = first_cable(robot); i < first_stop(robot); i++)
-        if (rows.state[i] == NEVER_ACTS)
-            x[i] = rows.bounds[i]; /* of constant tension */
-    number sum = 0;
-    for (int i = 0; i < n; i++)
-        sum += va[i] = rates[i];
+        if (s.rows.state[i] == NEVER_ACTS) /* a cable of constant tension */
+            x[i] = s.rows.bounds[i];
+    number sum = 0; /* not finite if a rate is not */
+    for (int i = 0; i < n; i++) {
+        va[i] = rates[i];
+        sum += rates[i];
+    }
     return IS_FINITE(sum);
 }
 
-/* Whether no contact, rope or stop is violated more than a motion may start with, `times` as much. */
-FAST int starts_free(const rows_of_robot *robot, const number *terms, const number *q,
-    const number *numbers, number times)
+/* Whether a motion may start at q: each gap is at least `factor` times its least gap, which is
+ * negative: a small violation is allowed. */
+FAST int may_start(const robot_tables *robot, const number *terms, const number *q,
+    const number *numbers, number factor)
 {
-    const numbers_of_robot r = named_numbers(robot, numbers);
-    const number *least = r.least_gaps;
-    for (int k = 0; k < robot->contacts + robot->ropes; k++)
-        if (!(terms[robot->at_gaps + k] - r.offsets[k] >= times * *least++))
+    const robot_numbers named = named_numbers(robot, numbers);
+    for (int k = 0; k < gap_count(robot); k++)
+        if (!(gap_of(robot, &named, terms, q, k) >= factor * named.least_gaps[k])) /* NaN too */
             return 0;
-    for (int k = 0; k < robot->stops; k++) {
-        const number beyond = q[robot->stop_position[k]] - r.limits[k];
-        if (!(robot->impulse_sign[first_stop(robot) + k] * beyond >= times * *least++))
-            return 0;
-    }
     return 1;
 }
