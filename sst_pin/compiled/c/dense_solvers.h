@@ -2,10 +2,12 @@
 /* Linear equations of nonsmooth steps, with full matrices of a few dozen rows. The compiled rollout
  * takes this file as C, kernels of Warp as C++ in a class, in either precision; see real.h.
  *
- * A matrix is stored row by row. The length of a row, `wide`, is a multiple of WIDE, and the numbers
- * behind the last column are zero: so a loop over a row consists of whole vectors of WIDE numbers. */
+ * A matrix is stored row by row. The length of a row, `wide`, is a multiple of WIDE, and the
+ * numbers behind the last column are zero: so a loop over a row consists of whole vectors of WIDE
+ * numbers. */
 
-/* FAST is a function that is compiled for speed, INLINED one that is also short or has one call. */
+/* FAST marks a function that is compiled for speed; INLINED one that is also short, or has one
+ * call. */
 #ifdef __cplusplus
 /* A copy of a large function at each call would keep the compiler for GPUs busy for minutes. */
 #define FAST static __attribute__((noinline))
@@ -18,7 +20,8 @@
 #define INLINED FAST inline
 #endif
 
-/* A pivot below this part of its diagonal entry is rounding: the matrix is not positive definite. */
+/* LEAST_PIVOT: a pivot below this part of its diagonal entry is rounding, so that the matrix is not
+ * positive definite. */
 #ifdef SINGLE
 #define MAGNITUDE(x) fabsf(x)
 #define ROOT(x) sqrtf(x)
@@ -35,8 +38,8 @@
 /* The length of a row for n columns. */
 #define FILLED(n) (((n) + WIDE - 1) / WIDE * WIDE)
 
-/* y += a x for rows, from column `first` on. It begins with the vector that contains this column, so
- * that up to WIDE - 1 columns before it change too: callers do not read them again. */
+/* y += a x for rows, from column `first` on. It begins with the vector that contains this column,
+ * so that up to WIDE - 1 columns before it change too: callers do not read them again. */
 INLINED void add_row(number *restrict y, number a, const number *restrict x, int first, int wide)
 {
     for (int i = first / WIDE * WIDE; i < wide; i += WIDE)
@@ -44,9 +47,9 @@ INLINED void add_row(number *restrict y, number a, const number *restrict x, int
             y[i + j] += a * x[i + j];
 }
 
-/* A = U^T D U of a symmetric matrix, in place: U has a unit diagonal. The result has U above the
- * diagonal and 1 / D on it; what is left of the diagonal is neither read nor a result. False if A is
- * not positive definite. `least` is workspace, shape (n,). */
+/* Factorise a symmetric matrix in place, A = U^T D U, where U has a unit diagonal. The result has U
+ * above the diagonal and 1 / D on it; numbers below the diagonal are not read and mean nothing.
+ * False if A is not positive definite. `least` is workspace for the least pivots, shape (n,). */
 FAST int factorize(number *A, int n, int wide, number *least)
 {
     for (int k = 0; k < n; k++)
@@ -66,7 +69,7 @@ FAST int factorize(number *A, int n, int wide, number *least)
     return 1;
 }
 
-/* U x = b, in place, with a unit diagonal. */
+/* Solve U x = b in place; U has a unit diagonal. */
 FAST void solve_upper(const number *restrict U, number *restrict b, int n, int wide)
 {
     for (int k = n - 1; k >= 0; k--) {
@@ -77,7 +80,7 @@ FAST void solve_upper(const number *restrict U, number *restrict b, int n, int w
     }
 }
 
-/* U^T D U x = b, in place, with the result of `factorize`. */
+/* Solve U^T D U x = b in place, with the result of `factorize`. */
 FAST void solve_symmetric(const number *restrict U, number *restrict b, int n, int wide)
 {
     for (int k = 0; k < n; k++)
@@ -88,8 +91,8 @@ FAST void solve_symmetric(const number *restrict U, number *restrict b, int n, i
     solve_upper(U, b, n, wide);
 }
 
-/* U^T D^(1/2) Z = B, in place, with the result of `factorize`. B has rows of `many` numbers, a multiple
- * of WIDE. So Z^T Z = B^T A^-1 B. */
+/* Solve U^T D^(1/2) Z = B in place, with the result of `factorize`: so Z^T Z = B^T A^-1 B. B has n
+ * rows of `many` numbers, a multiple of WIDE. */
 FAST void solve_many(const number *U, number *B, int n, int wide, int many)
 {
     for (int k = 0; k < n; k++)
@@ -97,7 +100,7 @@ FAST void solve_many(const number *U, number *B, int n, int wide, int many)
             if (U[k * wide + i] != 0)
                 add_row(B + i * many, -U[k * wide + i], B + k * many, 0, many);
     for (int k = 0; k < n; k++) {
-        const number root = ROOT(U[k * wide + k]); /* of 1 / D */
+        const number root = ROOT(U[k * wide + k]); /* 1 / D stands there */
         for (int j = 0; j < many; j++)
             B[k * many + j] *= root;
     }
@@ -110,7 +113,8 @@ INLINED void exchange(number *a, number *b)
     *b = first;
 }
 
-/* D x = right for any regular D, in place, by elimination with pivots. False if D is singular. */
+/* Solve D x = right in place, for any regular D, by elimination with pivots. False if D is
+ * singular. */
 FAST int solve_general(number *D, number *right, int n, int wide)
 {
     for (int k = 0; k < n; k++) {
