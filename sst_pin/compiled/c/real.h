@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Arithmetic on `real`: a number, or a vector of LANES of them, one for each sample. A number is a
- * double; with SINGLE defined, for one sample at once, a float. A `turn` is as many angles as are
- * taken at once: of one sample TURNS of them, or just one where LANES is not defined. */
+/* Arithmetic of generated kernels. `number` is a double; with SINGLE defined, for one sample at
+ * once, a float. `real` is a number, or a vector of LANES numbers, one for each sample; `mask` is
+ * the result of comparing two of them. `turn` is a vector of angles whose sines are computed at
+ * once: TURNS angles of one sample, or one angle of LANES samples. */
 #ifndef LANES
 #define LANES 1
 #define TURNS 1
@@ -15,16 +16,16 @@
 typedef float number;
 typedef unsigned int bits;
 #define N(x) x##f
-#define LAST_TO_FIRST 31
+#define LAST_TO_FIRST 31 /* shift that makes the last bit of a number its sign */
 #define SQUARE_ROOT(x) sqrtf(x)
-#define LARGEST_ANGLE 1e3f /* of sine_cosine */
+#define LARGEST_ANGLE 1e3f /* that sine_cosine takes */
 #else
 typedef double number;
 typedef unsigned long long bits;
 #define N(x) x
-#define LAST_TO_FIRST 63
+#define LAST_TO_FIRST 63 /* shift that makes the last bit of a number its sign */
 #define SQUARE_ROOT(x) sqrt(x)
-#define LARGEST_ANGLE 1e6
+#define LARGEST_ANGLE 1e6 /* that sine_cosine takes */
 #endif
 
 #ifndef __cplusplus
@@ -33,14 +34,14 @@ typedef number *constants; /* parameters, then what is computed from them alone 
 #endif
 
 #if defined(__GNUC__) && !defined(__cplusplus)
-#define SEPARATE __attribute__((visibility("hidden"))) /* used by another file */
+#define SEPARATE __attribute__((visibility("hidden"))) /* a function that another file calls */
 #else
 #define SEPARATE static
 #endif
 
 #ifdef __GNUC__
 #define HELPER static inline __attribute__((unused))
-#define PART static __attribute__((noinline)) void /* of a function that is too large for one */
+#define PART static __attribute__((noinline)) void /* a part of a function that is too large */
 #else
 #define HELPER static inline
 #define PART static void
@@ -65,14 +66,14 @@ typedef long long mask __attribute__((vector_size(8 * LANES), may_alias));
 #undef SQUARE_ROOT
 #define SQUARE_ROOT(x) square_root(x)
 
-/* -1, 0 or 1: a comparison gives all bits or none. */
+/* The sign of x: -1, 0 or 1. A comparison of vectors sets all bits of a lane, or none. */
 HELPER real sign(real x)
 {
     const real zero = x - x, one = zero + 1.0, minus_one = zero - 1.0;
     return (real)(((mask)one & (x > zero)) | ((mask)minus_one & (x < zero)));
 }
 
-/* 1 or 0. */
+/* 1 where x <= y, else 0. */
 HELPER real at_most(real x, real y)
 {
     return (real)((mask)(x - x + 1.0) & (x <= y));
@@ -86,7 +87,7 @@ HELPER real square_root(real x)
 }
 #endif
 
-/* Lane by lane the one or the other. */
+/* In each lane x where `first` is true, else y. */
 HELPER real choose(mask first, real x, real y)
 {
 #if LANES == 1
@@ -96,6 +97,7 @@ HELPER real choose(mask first, real x, real y)
 #endif
 }
 
+/* Whether x is true in some lane. */
 HELPER int some(mask x)
 {
     int found = 0;
@@ -129,7 +131,8 @@ typedef long long turn_bits __attribute__((vector_size(sizeof(turn)), may_alias)
 #endif
 
 #ifdef SINGLE
-/* As below, to an absolute error of 2e-7 for |x| up to 1e3; the polynomials are those of Cephes. */
+/* The function below in single precision, to an absolute error of 2e-7 for |x| up to 1e3. The
+ * polynomials are those of Cephes. */
 HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
 {
     const float round = 12582912.0f; /* 1.5 * 2^23 */
@@ -145,17 +148,20 @@ HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
     *cosine = FLIP(1.0f - 2.0f * (s * s), t);
 }
 #else
-/* Sine and cosine to an absolute error of 4e-16 for |x| up to 1e6, without a branch. */
+/* Sine and cosine to an absolute error of 4e-16 for |x| up to 1e6, without a branch. x = n pi + 2 y
+ * with a whole n and |y| <= pi / 4. The polynomials give sin y and cos y, doubling gives sin 2y and
+ * cos 2y, and an odd n changes both signs. */
 HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
 {
-    /* 1.5 * 2^52: what is added to it becomes whole, and its last bit tells odd from even. */
+    /* 1.5 * 2^52: a sum with this number is rounded to a whole one, and its last bit is set if n is
+     * odd */
     const double round = 6755399441055744.0;
     const turn t = *x * 0.31830988618379067154 + round, n = t - round;
-    /* pi in three parts, the first two of 33 bits; y is half of what is left, |y| <= pi / 4. */
+    /* pi in three parts; the first two have 33 bits, so that their products with n are exact */
     const turn y = 0.5 * (((*x - n * 3.14159265346825122833) - n * 1.21542010130123852870e-10)
         - n * 4.04453249759190126e-21);
     const turn z = y * y;
-    /* The minimax polynomial of fdlibm; then sin 2y = 2 sin y cos y, cos 2y = 1 - 2 sin^2 y. */
+    /* the minimax polynomials of fdlibm */
     const turn s = y + y * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03
         + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06
         + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
@@ -185,8 +191,10 @@ HELPER void sines_cosines(int n, const real *x, real *sines, real *cosines)
 #endif
 }
 
-/* The hyperbolic tangent to a few roundings: Taylor's series of z = exp(-2 |x| / 128) - 1, seven
- * times doubled, exp(2 y) - 1 = z (z + 2); beyond 20 it is the sign. */
+/* The hyperbolic tangent, to a few roundings: tanh x = -sign(x) z / (z + 2) with z = exp(-2 |x|) -
+ * 1. Taylor's series gives exp(y) - 1 for y = -2 |x| / 128, and seven doublings of the exponent
+ * follow, exp(2 y) - 1 = z (z + 2). Beyond 20, where tanh x is 1 up to rounding, |x| counts as 20.
+ * */
 HELPER real tangent(real x)
 {
     const real side = SIGN(x), far = N(0.5) * (SIGN(side * x - N(20.0)) + N(1.0));
@@ -200,8 +208,8 @@ HELPER real tangent(real x)
     return -side * z / (z + N(2.0));
 }
 
-/* The sign of a rate in Coulomb friction: tanh(x / width) where the width is not zero; without it
- * zero for joints that are no faster than `rest`. */
+/* The direction of Coulomb friction at a rate x: tanh(x / width) if the width is positive.
+ * Otherwise it is the sign of x, or zero if |x| <= rest. */
 HELPER real direction(real x, number width, number rest)
 {
     if (width > 0)
@@ -209,7 +217,7 @@ HELPER real direction(real x, number width, number rest)
     return SIGN(x) * (N(1.0) - AT_MOST(ABSOLUTE(x), rest));
 }
 
-/* Coulomb friction; most joints have none. */
+/* The force of Coulomb friction at a rate x, without its minus sign; most joints have none. */
 HELPER real rubbing(real x, number coulomb, number width, number rest)
 {
     const real zero = {0};
