@@ -1,6 +1,6 @@
 ${head}
 {
-    ${type} x[${inputs}], y[${room}], p[${size}], finite = 0;
+    ${type} x[${inputs}], y[${room}], p[${size}], finite = 0; /* NaN if a number is not finite */
     int bad = 0;
 ${copies}
     for (int i = 0; i < ${inputs}; i++)
@@ -18,6 +18,7 @@ ${copies}
         ${output}[i] = y[i];
         finite += y[i] * 0;
     }
+    /* y has the outputs, then the checks, which pass up to 1; the first one is of closed loops */
     for (int i = ${checks} + 1; i < ${total}; i++)
         if (!(y[i] <= 1))
             bad = ROBOT_SINGULAR;
