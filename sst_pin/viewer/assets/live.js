@@ -1,65 +1,114 @@
 "use strict";
-// The robot that answers: posed by hand or simulated by an `engine` with its own functions.
+// A robot that answers: it is posed by hand, or simulated after "Let go", by an `engine`
+// (engine.js) with the robot's own functions. In this order: simulation and controls, drawing,
+// words, frames, the hand. `load` starts with the data of live_data.py; `frame` is called for each
+// frame of the page.
 const live = (() => {
-  const THREE = MeshCat.THREE, SHOWN = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] };
-  const BUDGET = 12; // ms of a frame
-  let d, r, tau, most, running = false, resting = false, pace = 1, reason = "", note = "", last = null, seen = 0, pressed = null;
-  const numbers = (id) => [...at(id).children].map((row) => row.children[1]);
-  const listed = (words, kind) => words.map((textContent) => Object.assign(document.createElement("li"), { textContent, className: kind }));
+  const THREE = MeshCat.THREE;
+  const SHOWN = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] }; // factor and unit that are shown
+  const FRAME_TIME = 12; // time of a frame for the simulation, [ms]
+  const LONGEST_FRAME = 0.05; // a longer time between two frames is not simulated, [s]
+  const FRAMES_PER_TEXT = 6; // words are written in each sixth frame
+  const SHORTEST = 1e-3; // scale of arrows without a force: a scale of 0 has no inverse
+  const Z = new THREE.Vector3(0, 0, 1);
+
+  let data, robot; // the robot's data and engine
+  let tau; // efforts of the motors that are shown
+  let largest; // the largest effort so far by unit, which has the longest arrow
+  let running = false; // whether it is simulated
+  let resting = false; // whether no force moved it when the simulation began
+  let pace = 1; // simulated time relative to real time
+  let note = ""; // why the simulation ended
+  let reason = ""; // why the last move by hand ended early
+  let lastFrame = null, frames = 0; // time of the last frame, [ms], and their number
+  let pressed = null; // the press of a pointer that grips a part
+
+  // --- simulation and controls ---------------------------------------------------------------
 
   function run(on) {
-    [running, note, reason, last, pace, resting] = [on, "", "", null, 1, on && r.rests()];
-    if (!on) r.va = r.va.map(() => 0);
-    r.start();
+    running = on;
+    note = "";
+    reason = "";
+    lastFrame = null;
+    pace = 1;
+    resting = on && robot.rests();
+    if (!on) robot.va = robot.va.map(() => 0);
+    robot.start();
     at("go").textContent = on ? "Stop" : "Let go";
-    numbers("sliders").forEach((input, k) => { input.disabled = on && d.coordinates[k].kind === "rate"; });
+    inputsOf("sliders").forEach((input, k) => { input.disabled = on && isRate(k); });
     refresh();
   }
 
   function reset() {
     run(false);
-    r.reset();
-    numbers("efforts").forEach((input) => { input.value = 0; });
-    r.start();
+    robot.reset();
+    inputsOf("efforts").forEach((input) => { input.value = 0; });
+    robot.start();
     refresh();
   }
 
-  function slider(name, low, high, oninput) {
-    const row = Object.assign(document.createElement("label"), { className: "slider" });
-    row.append(Object.assign(document.createElement("span"), { innerHTML: breakable(escaped(name)) }),
-      Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any", value: 0, ariaLabel: name }), document.createElement("output"));
-    row.children[1].oninput = ({ target }) => oninput(Number(target.value));
-    return row;
-  }
-
-  function load(data) {
-    [d, r, most] = [data, engine(sst_functions, data), {}];
-    const ways = { none: "off", ...(r.keepsMotors && { hold: "hold" }), ...(r.efforts.length && { sliders: "by sliders" }) };
-    at("control").innerHTML = Object.entries(ways).map(([way, text]) => `<option value="${way}">${text}</option>`).join("");
-    at("sliders").replaceChildren(...d.coordinates.map(({ name, low, high }, k) => slider(name, low, high, (wanted) => set(k, wanted))));
-    numbers("sliders").forEach((input, k) => {
-      if (d.coordinates[k].kind === "rate") input.onpointerup = input.onpointercancel = input.onblur = () => { input.value = 0; };
+  function load(next) {
+    data = next;
+    robot = engine(sst_functions, data);
+    largest = {};
+    const ways = { none: "off" };
+    if (robot.keepsMotors) ways.hold = "hold";
+    if (robot.efforts.length) ways.sliders = "by sliders";
+    const option = ([way, text]) => `<option value="${way}">${text}</option>`;
+    at("control").innerHTML = Object.entries(ways).map(option).join("");
+    at("sliders").replaceChildren(...data.coordinates.map(({ name, low, high }, k) =>
+      slider(name, low, high, (wanted) => setCoordinate(k, wanted))));
+    inputsOf("sliders").forEach((input, k) => {
+      if (!isRate(k)) return; // such a slider springs back when it is let go
+      input.onpointerup = input.onpointercancel = input.onblur = () => { input.value = 0; };
     });
-    at("efforts").replaceChildren(...d.motors.owners.map((name, k) => slider(`\u03c4 ${name}`, -d.largest[k], d.largest[k], (wanted) => { r.efforts[k] = wanted; })));
-    control();
+    at("efforts").replaceChildren(...data.motors.owners.map((name, k) => {
+      const setEffort = (wanted) => { robot.efforts[k] = wanted; };
+      return slider(`\u03c4 ${name}`, -data.largest[k], data.largest[k], setEffort);
+    }));
+    setControl();
     reset();
   }
 
-  function control() {
-    r.way = at("control").value;
-    at("efforts").hidden = r.way !== "sliders";
-    r.goTo();
+  // A row with a name, a slider and room for its value.
+  function slider(name, low, high, oninput) {
+    const row = document.createElement("label"), label = document.createElement("span");
+    const input = document.createElement("input");
+    row.className = "slider";
+    label.innerHTML = breakable(escaped(name));
+    const options = { type: "range", min: low, max: high, step: "any", value: 0, ariaLabel: name };
+    Object.assign(input, options);
+    input.oninput = () => oninput(Number(input.value));
+    row.append(label, input, document.createElement("output"));
+    return row;
   }
 
-  // What a slider of a coordinate does: in a simulation it is the goal of "hold".
-  function set(k, wanted) {
-    const { kind } = d.coordinates[k];
-    let ahead = wanted - r.value(k);
-    if (kind === "rate") return;
-    if (kind === "angle") ahead -= 2 * Math.PI * Math.round(ahead / (2 * Math.PI));
-    if (running && r.way === "hold") { r.goTo(k, ahead); return; }
+  const inputsOf = (id) => [...at(id).children].map((row) => row.children[1]);
+
+  // Whether coordinate k is one of several rates of a joint: it has no position, its slider is a
+  // speed.
+  const isRate = (k) => data.coordinates[k].kind === "rate";
+
+  function setControl() {
+    robot.way = at("control").value;
+    at("efforts").hidden = robot.way !== "sliders";
+    robot.goTo();
+  }
+
+  // The slider of coordinate k was moved: move the robot by hand, or in a simulation the goal of
+  // "hold".
+  function setCoordinate(k, wanted) {
+    if (isRate(k)) return; // see `frame`
+    const turn = 2 * Math.PI;
+    let ahead = wanted - robot.value(k);
+    const isAngle = data.coordinates[k].kind === "angle";
+    if (isAngle) ahead -= turn * Math.round(ahead / turn); // the shorter way round
+    if (running && robot.way === "hold") {
+      robot.goTo(k, ahead);
+      return;
+    }
     run(false);
-    reason = r.move(r.va.map((_, j) => j === k ? ahead : 0));
+    reason = robot.move(robot.va.map((_, j) => j === k ? ahead : 0));
     refresh();
   }
 
@@ -68,123 +117,259 @@ const live = (() => {
     tell();
   }
 
+  // --- drawing -------------------------------------------------------------------------------
+
   function draw() {
-    const places = Array.from(r.places()), M = (j) => new THREE.Matrix4().set(...[0, 1, 2].flatMap((i) => [0, 3, 6, 9].map((c) => places[12 * j + c + i])), 0, 0, 0, 1);
-    tau = r.measure(running);
-    for (let j = 1; j < d.bodies.length; j++) stage.place([String(j)], M(j));
-    for (const { node, joints, points } of d.struts) {
-      const [a, b] = joints.map((j, k) => new THREE.Vector3(...points[k]).applyMatrix4(M(j))), along = b.clone().sub(a);
-      const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), along.clone().normalize());
-      stage.place([node], new THREE.Matrix4().compose(a, turn, new THREE.Vector3(1, 1, along.length())));
-    }
-    d.motors.units.forEach((unit, k) => { most[unit] = Math.max(most[unit] || 1e-9, Math.abs(tau[k])); });
-    for (const { node, at: base, motor, share, mirror } of d.arrows) {
-      const size = share * tau[motor] / most[d.motors.units[motor]], sense = new THREE.Vector3(...(size < 0 ? mirror : [1, 1, 1]));
-      stage.place(node, new THREE.Matrix4().fromArray(base).scale(sense.multiplyScalar(Math.max(Math.sqrt(Math.abs(size)), 1e-3))));
-    }
+    const places = Array.from(robot.places());
+    // The matrix that places body j; three.js wants it row by row.
+    const M = (j) => {
+      const row = (i) => [0, 3, 6, 9].map((column) => places[12 * j + column + i]);
+      return new THREE.Matrix4().set(...row(0), ...row(1), ...row(2), 0, 0, 0, 1);
+    };
+    tau = robot.measure(running);
+    for (let j = 1; j < data.bodies.length; j++) stage.place([String(j)], M(j));
+    drawStruts(M);
+    drawTorques();
     drawContacts(M);
-    line.visible = Boolean(r.grip);
-    if (!r.grip) return;
-    const p = r.point(r.grip), end = r.grip.target || p.map((x, i) => x - 0.4 * d.size * r.grip.force[i] / Math.hypot(...r.grip.force));
-    line.geometry.setAttribute("position", new THREE.Float32BufferAttribute([...p, ...end], 3));
+    drawHand();
   }
 
-  // Points that touch a ground, and the forces on them; the longest arrow is the robot's weight. M(j) places a body.
-  function drawContacts(M) {
-    d.touches.forEach(({ node, body, at: centre, ground, axes, radius }) => {
-      const place = M(ground).multiply(new THREE.Matrix4().fromArray(axes)), normal = new THREE.Vector3().setFromMatrixColumn(place, 2);
-      stage.place([node], place.setPosition(new THREE.Vector3(...centre).applyMatrix4(M(body)).addScaledVector(normal, -radius)));
-    });
-    for (const { node, at: base, touch, start } of d.forces) {
-      const force = new THREE.Vector3(...(r.contactForces[touch] || [0, 0, 0])), share = Math.min(1, force.length() / d.weight), away = new THREE.Vector3();
-      let length = share > 1e-6 ? Math.max(Math.sqrt(share), 1e-3) : 1e-3;
-      const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), share > 1e-6 ? force.normalize() : new THREE.Vector3(0, 0, 1));
-      if (start === null) length = share > 1e-6 ? 1 : 1e-3; // the mark of a point
-      else away.set(0, 0, -start * length).applyQuaternion(turn);
-      stage.place(node, new THREE.Matrix4().fromArray(base).multiply(new THREE.Matrix4().compose(away, turn, new THREE.Vector3(length, length, length))));
+  // Struts lie between two points of bodies; their shapes are 1 m long, along z.
+  function drawStruts(M) {
+    for (const { node, joints, points } of data.struts) {
+      const [a, b] = joints.map((j, k) => new THREE.Vector3(...points[k]).applyMatrix4(M(j)));
+      const along = b.clone().sub(a);
+      const turn = new THREE.Quaternion().setFromUnitVectors(Z, along.clone().normalize());
+      const scale = new THREE.Vector3(1, 1, along.length());
+      stage.place([node], new THREE.Matrix4().compose(a, turn, scale));
     }
   }
 
-  function shown(x, unit) { const [factor, text] = SHOWN[unit]; return `${chart.readable(factor * x, 1)} ${text}`; }
+  // Arrows of the motors. Their lengths grow with the square root of the effort.
+  function drawTorques() {
+    const { units } = data.motors;
+    units.forEach((unit, k) => {
+      largest[unit] = Math.max(largest[unit] || 1e-9, Math.abs(tau[k]));
+    });
+    for (const { node, at: base, motor, share, mirror } of data.arrows) {
+      const size = share * tau[motor] / largest[units[motor]];
+      const length = Math.max(Math.sqrt(Math.abs(size)), SHORTEST);
+      const scale = new THREE.Vector3(...(size < 0 ? mirror : [1, 1, 1])).multiplyScalar(length);
+      stage.place(node, new THREE.Matrix4().fromArray(base).scale(scale));
+    }
+  }
+
+  // Points that touch a ground, and arrows of the forces on them; the longest arrow is the robot's
+  // weight.
+  function drawContacts(M) {
+    for (const { node, body, at: centre, ground, axes, radius } of data.touches) {
+      const place = M(ground).multiply(new THREE.Matrix4().fromArray(axes));
+      const normal = new THREE.Vector3().setFromMatrixColumn(place, 2);
+      const point = new THREE.Vector3(...centre).applyMatrix4(M(body));
+      stage.place([node], place.setPosition(point.addScaledVector(normal, -radius)));
+    }
+    for (const { node, at: base, touch, start } of data.forces) {
+      const force = new THREE.Vector3(...(robot.contactForces[touch] || [0, 0, 0]));
+      const share = Math.min(1, force.length() / data.weight), hasForce = share > 1e-6;
+      const turn = new THREE.Quaternion().setFromUnitVectors(Z, hasForce ? force.normalize() : Z);
+      const away = new THREE.Vector3();
+      let length = hasForce ? Math.max(Math.sqrt(share), SHORTEST) : SHORTEST;
+      if (start === null) length = hasForce ? 1 : SHORTEST; // the mark of a point, of one size
+      else away.set(0, 0, -start * length).applyQuaternion(turn); // an arrow ends at the point
+      const scale = new THREE.Vector3(length, length, length);
+      const placed = new THREE.Matrix4().compose(away, turn, scale);
+      stage.place(node, new THREE.Matrix4().fromArray(base).multiply(placed));
+    }
+  }
+
+  // A line from the gripped point to the hand, or against the direction of a push.
+  function drawHand() {
+    const { grip } = robot;
+    handLine.visible = Boolean(grip);
+    if (!grip) return;
+    const p = robot.point(grip);
+    let end = grip.target;
+    if (!end) {
+      const length = 0.4 * data.size / Math.hypot(...grip.force);
+      end = p.map((x, i) => x - length * grip.force[i]);
+    }
+    const ends = new THREE.Float32BufferAttribute([...p, ...end], 3);
+    handLine.geometry.setAttribute("position", ends);
+  }
+
+  // --- words ---------------------------------------------------------------------------------
+
+  function shown(x, unit) {
+    const [factor, text] = SHOWN[unit];
+    return `${chart.readable(factor * x, 1)} ${text}`;
+  }
 
   function tell() {
-    const singular = (text) => text.startsWith("close to a singularity"), words = r.wrong(shown, tau), well = [];
-    if (reason && !(singular(reason) && words.some(singular))) words.unshift(`stopped: ${reason}`);
-    if (note) words.unshift(note);
-    if (running) well.push(`t = ${r.time.toFixed(1)} s${pace < 0.9 ? `, at ${pace.toFixed(2)} of real time` : ""}`);
-    else if (!r.holds) well.push(`${tau.length} motors do not hold ${r.va.length} coordinates: no torques at rest`);
-    else if (!words.length) well.push("loops closed, not singular; the torques below hold this pose");
-    const [ofRates, potential] = r.energies(), kinetic = running ? ofRates : 0; // a pose is held at rest
-    if (resting && !kinetic) well.push("no force moves this robot at rest: drag a part, or drive its motors");
-    at("told").replaceChildren(...listed(words, ""), ...listed(well, "well"));
-    const digits = Math.min(3, Math.max(0, 3 - Math.floor(Math.log10(Math.abs(kinetic) + Math.abs(potential) + 1e-3))));
-    const [K, U, both] = [kinetic, potential, kinetic + potential].map((x) => chart.readable(x, digits));
-    at("energy").textContent = `energy: kinetic ${K} + potential ${U} = ${both} J`;
-    [...at("sliders").children].forEach(({ children: [, input, output] }, k) => {
-      const { unit, kind } = d.coordinates[k];
-      if (kind === "rate") return;
-      if (document.activeElement !== input) input.value = r.value(k);
-      output.textContent = shown(r.value(k), unit);
-    });
-    [...at("efforts").children].forEach((row, k) => { row.children[2].textContent = `${chart.readable(r.efforts[k], 2)} ${d.motors.units[k]}`; });
+    const [ofRates, potential] = robot.energies();
+    const kinetic = running ? ofRates : 0; // a pose is held at rest
+    const problems = problemsNow();
+    const lines = [
+      ...listItems(problems, ""),
+      ...listItems(factsNow(problems, kinetic), "well"),
+    ];
+    at("told").replaceChildren(...lines);
+    tellEnergy(kinetic, potential);
+    tellSliders();
   }
 
+  function problemsNow() {
+    const isSingular = (text) => text.startsWith("close to a singularity");
+    const problems = robot.wrong(shown, tau);
+    const isKnown = isSingular(reason) && problems.some(isSingular); // the pose says the same
+    if (reason && !isKnown) problems.unshift(`stopped: ${reason}`);
+    if (note) problems.unshift(note);
+    return problems;
+  }
+
+  function factsNow(problems, kinetic) {
+    const facts = [];
+    if (running) {
+      const slow = pace < 0.9 ? `, at ${pace.toFixed(2)} of real time` : "";
+      facts.push(`t = ${robot.time.toFixed(1)} s${slow}`);
+    } else if (!robot.holds) {
+      const counts = `${tau.length} motors do not hold ${robot.va.length} coordinates`;
+      facts.push(`${counts}: no torques at rest`);
+    } else if (!problems.length) {
+      facts.push("loops closed, not singular; the torques below hold this pose");
+    }
+    if (resting && !kinetic) {
+      facts.push("no force moves this robot at rest: drag a part, or drive its motors");
+    }
+    return facts;
+  }
+
+  const listItems = (texts, className) => texts.map((textContent) =>
+    Object.assign(document.createElement("li"), { textContent, className }));
+
+  function tellEnergy(kinetic, potential) {
+    const size = Math.abs(kinetic) + Math.abs(potential) + 1e-3;
+    const digits = Math.min(3, Math.max(0, 3 - Math.floor(Math.log10(size)))); // four in all
+    const written = (x) => chart.readable(x, digits);
+    const sum = `kinetic ${written(kinetic)} + potential ${written(potential)}`;
+    at("energy").textContent = `energy: ${sum} = ${written(kinetic + potential)} J`;
+  }
+
+  function tellSliders() {
+    [...at("sliders").children].forEach(({ children: [, input, output] }, k) => {
+      if (isRate(k)) return;
+      if (document.activeElement !== input) input.value = robot.value(k);
+      output.textContent = shown(robot.value(k), data.coordinates[k].unit);
+    });
+    [...at("efforts").children].forEach(({ children: [, , output] }, k) => {
+      output.textContent = `${chart.readable(robot.efforts[k], 2)} ${data.motors.units[k]}`;
+    });
+  }
+
+  // --- frames --------------------------------------------------------------------------------
+
+  // `now` is the time of the frame, [ms].
   function frame(now) {
-    const dt = last === null ? 0 : Math.min((now - last) / 1000, 0.05), before = r.q;
-    last = now;
-    if (running && dt > 0) {
-      const left = r.advance(dt, performance.now() + BUDGET);
-      if (typeof left === "string") { run(false); note = left; tell(); } else pace += 0.1 * ((dt - left) / dt - pace);
-      if (r.grip && !r.grip.target && r.time >= r.grip.until) r.grip = null;
-    } else if (r.grip?.target) reason = r.follow();
-    const held = numbers("sliders").map((input, k) => d.coordinates[k].kind === "rate" && !running ? dt * Number(input.value) / 2 : 0);
-    if (held.some(Boolean)) reason = r.move(held);
-    if (!running && !r.grip && r.q === before) return;
+    const passed = lastFrame === null ? 0 : (now - lastFrame) / 1000;
+    const dt = Math.min(passed, LONGEST_FRAME), before = robot.q;
+    lastFrame = now;
+    if (running && dt > 0) simulate(dt);
+    else if (robot.grip?.target) reason = robot.follow();
+    moveBySpeeds(dt);
+    if (!running && !robot.grip && robot.q === before) return;
     draw();
-    if (++seen % 6 === 0 || !running) tell();
+    frames += 1;
+    if (frames % FRAMES_PER_TEXT === 0 || !running) tell();
+  }
+
+  function simulate(dt) {
+    const left = robot.advance(dt, performance.now() + FRAME_TIME);
+    if (typeof left === "string") { // it ended
+      run(false);
+      note = left;
+      tell();
+    } else {
+      pace += 0.1 * ((dt - left) / dt - pace);
+    }
+    const { grip } = robot, pushEnds = grip && !grip.target && robot.time >= grip.until;
+    if (pushEnds) robot.grip = null;
+  }
+
+  // Sliders of rates move the robot by hand while they are held.
+  function moveBySpeeds(dt) {
+    const change = inputsOf("sliders").map((input, k) =>
+      isRate(k) && !running ? dt * Number(input.value) / 2 : 0);
+    if (change.some(Boolean)) reason = robot.move(change);
   }
 
   // --- the hand ------------------------------------------------------------------------------
 
-  const line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xb00020, depthTest: false })), pane = at("pane");
-  line.frustumCulled = line.visible = false;
-  viewer.scene.add(line);
+  const CLICK = { distance: 6, time: 400 }; // a shorter press is a push, [px] and [ms]
+  const AROUND = [[0, 0], [9, 0], [-9, 0], [0, 9], [0, -9]]; // places around a pointer, [px]
+  const pane = at("pane");
+  const handLine = new THREE.Line(
+    new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xb00020, depthTest: false }),
+  );
+  handLine.frustumCulled = handLine.visible = false;
+  viewer.scene.add(handLine);
 
-  // The body under a pointer or close to it, and where it is met.
-  function met({ clientX, clientY }) {
-    for (const [x, y] of [[0, 0], [9, 0], [-9, 0], [0, 9], [0, -9]]) {
-      const hit = stage.hit(clientX + x, clientY + y), strut = hit && d.struts.find(({ node }) => node === hit.mover);
+  // The point of a body under a pointer or close to it: { body, at, from, ray }. `at` is in the
+  // axes of the body, `from` in base axes, `ray` the direction of the view. It is null if there is
+  // none.
+  function gripAt({ clientX, clientY }) {
+    for (const [x, y] of AROUND) {
+      const hit = stage.hit(clientX + x, clientY + y);
+      const strut = hit && data.struts.find(({ node }) => node === hit.mover);
       const body = strut ? Math.max(...strut.joints) : Number(hit?.mover);
       if (!(body > 0)) continue;
-      const M = r.places().slice(12 * body), away = hit.point.map((p, i) => p - M[9 + i]);
-      return { body, at: [0, 3, 6].map((c) => M[c] * away[0] + M[c + 1] * away[1] + M[c + 2] * away[2]), from: hit.point, ray: hit.ray };
+      const M = robot.places().slice(12 * body); // axes, then the origin
+      const away = hit.point.map((p, i) => p - M[9 + i]);
+      const inBody = [0, 3, 6].map((axis) =>
+        M[axis] * away[0] + M[axis + 1] * away[1] + M[axis + 2] * away[2]);
+      return { body, at: inBody, from: hit.point, ray: hit.ray };
     }
     return null;
   }
 
+  // The listeners come before Meshcat's, which turn the view.
   pane.addEventListener("pointerdown", (event) => {
-    const grip = document.body.classList.contains("live") && !pressed && !event.button && met(event);
+    const isLive = document.body.classList.contains("live");
+    const grip = isLive && !pressed && !event.button && gripAt(event);
     if (!grip) return;
     event.stopPropagation(); // the view stays
     pane.setPointerCapture(event.pointerId);
-    pressed = { id: event.pointerId, x: event.clientX, y: event.clientY, when: event.timeStamp, from: grip.from, ray: grip.ray };
-    r.gripped(grip);
-    r.grip.target = grip.from;
+    pressed = {
+      id: event.pointerId, x: event.clientX, y: event.clientY, when: event.timeStamp,
+      from: grip.from, ray: grip.ray,
+    };
+    robot.gripped(grip);
+    robot.grip.target = grip.from;
   }, true);
+
   pane.addEventListener("pointermove", (event) => {
-    if (pressed?.id === event.pointerId && r.grip) r.grip.target = stage.inPlane(event.clientX, event.clientY, pressed.from);
+    if (pressed?.id !== event.pointerId || !robot.grip) return;
+    robot.grip.target = stage.inPlane(event.clientX, event.clientY, pressed.from);
   }, true);
-  for (const kind of ["pointerup", "pointercancel"]) pane.addEventListener(kind, (event) => {
+
+  function release(event) {
     if (pressed?.id !== event.pointerId) return;
-    const still = Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) < 6 && event.timeStamp - pressed.when < 400;
-    if (r.grip && running && still && kind === "pointerup") r.push(pressed.ray);
-    else r.grip = null;
+    const distance = Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y);
+    const isClick = distance < CLICK.distance && event.timeStamp - pressed.when < CLICK.time;
+    if (robot.grip && running && isClick && event.type === "pointerup") robot.push(pressed.ray);
+    else robot.grip = null;
     pressed = null;
     refresh();
-  }, true);
+  }
+  pane.addEventListener("pointerup", release, true);
+  pane.addEventListener("pointercancel", release, true);
 
   at("go").onclick = () => run(!running);
   at("again").onclick = reset;
-  at("control").onchange = control;
-  return { load, frame, run, reset, refresh, get robot() { return r; }, get running() { return running; }, get motors() { return d.motors; }, get tau() { return tau; } };
+  at("control").onchange = setControl;
+  return {
+    load, frame, run, reset, refresh,
+    get robot() { return robot; },
+    get running() { return running; },
+    get motors() { return data.motors; },
+    get tau() { return tau; },
+  };
 })();
