@@ -1,9 +1,13 @@
 "use strict";
-// The picture: light, floor, camera, layers and words around Meshcat's scene.
+// The picture: light, floor, camera, layers and labels around Meshcat's scene, and what a pointer
+// hits. The base has z up, three.js y: the scene is turned by Meshcat, the camera is in its axes.
 const at = (id) => document.getElementById(id);
 const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
-const breakable = (html) => html.replace(/_/g, "_<wbr>"); // long names break behind underscores first
-const subscript = (name) => name.replace(/^tau/, "\u03c4").replace(/_(\d+|[A-Za-z])$/, "<sub>$1</sub>");
+// Long names may break after underscores.
+const breakable = (html) => html.replace(/_/g, "_<wbr>");
+// tau_1 as a Greek letter with an index.
+const subscript = (name) =>
+  name.replace(/^tau/, "\u03c4").replace(/_(\d+|[A-Za-z])$/, "<sub>$1</sub>");
 
 const stage = (() => {
   const THREE = MeshCat.THREE, pane = at("pane");
@@ -11,51 +15,71 @@ const stage = (() => {
   try {
     viewer = new MeshCat.Viewer(pane);
   } catch (error) {
-    pane.innerHTML = "<p>This browser has no WebGL, which draws the robot: switch on hardware acceleration, or take another browser.</p>";
+    pane.innerHTML = "<p>This browser has no WebGL, which draws the robot: " +
+      "switch on hardware acceleration, or take another browser.</p>";
     throw error;
   }
   window.viewer = viewer;
-  viewer.gui.domElement.style.display = "none"; // the page's controls stand for it
-  viewer.set_property(["Background"], "visible", false); // the page's shines through
-  const sized = viewer.set_3d_pane_size.bind(viewer); // Meshcat calls it at its first frame, for the whole window's height
-  viewer.set_3d_pane_size = () => sized(pane.clientWidth, pane.clientHeight);
+  viewer.gui.domElement.style.display = "none"; // the page has controls of its own
+  viewer.set_property(["Background"], "visible", false); // the page has a background of its own
+  // At its first frame Meshcat calls this function with the height of the window.
+  const setSize = viewer.set_3d_pane_size.bind(viewer);
+  viewer.set_3d_pane_size = () => setSize(pane.clientWidth, pane.clientHeight);
   viewer.camera.fov = 24;
   viewer.controls.minPolarAngle = 1e-4; // else a view from above has no right and left
 
   // Where the camera stands, seen from the robot: x, y, z of the base.
   const VIEWS = { front: [0, -1, 0], side: [1, 0, 0], top: [0, -1e-4, 1], iso: [1, 0.7, 0.6] };
   const up = ([x, y, z]) => new THREE.Vector3(x, z, -y); // three.js has y up
-  const MARGIN = 0.9; // of the picture, that the robot fills
-  let reach = [], face = null, ground = null, size = 1, view = null, labels = [];
+  const FILLED = 0.9; // part of the picture that the robot fills
+  let reach = []; // points that the robot reaches in the motion, base axes
+  let face = null; // direction from which a planar robot is seen
+  let ground = null; // height of the floor; null below the robot
+  let size = 1; // diagonal of the box around the reach
+  let view = null; // name of the view, null if the reader has turned it
+  let labels = []; // words at points of bodies, with their elements
+  let isFirst = true; // whether no data were loaded yet
 
   // --- light and floor, in base axes ---------------------------------------------------------
 
-  const key = new THREE.DirectionalLight(0xffffff, 0.5), fill = new THREE.DirectionalLight(0xffffff, 0.25);
-  const shadow = new THREE.Mesh(new THREE.CircleGeometry(1, 64), new THREE.ShadowMaterial({ opacity: 0.16 }));
-  const grid = new THREE.GridHelper(1, 12, 0x8a9199, 0x8a9199), floor = new THREE.Group();
+  const key = new THREE.DirectionalLight(0xffffff, 0.5);
+  const fill = new THREE.DirectionalLight(0xffffff, 0.25);
+  const shadow = new THREE.Mesh(
+    new THREE.CircleGeometry(1, 64), new THREE.ShadowMaterial({ opacity: 0.16 }),
+  );
+  const CELLS = 12; // of the floor's grid, along each side
+  const grid = new THREE.GridHelper(1, CELLS, 0x8a9199, 0x8a9199), floor = new THREE.Group();
   grid.rotateX(Math.PI / 2);
   Object.assign(grid.material, { transparent: true, opacity: 0.28, depthWrite: false });
   shadow.receiveShadow = key.castShadow = true;
   key.shadow.mapSize.set(1024, 1024);
   floor.add(shadow, grid);
-  viewer.scene.add(new THREE.AmbientLight(0xffffff, 0.6), key, key.target, fill, fill.target, floor);
+  const ambient = new THREE.AmbientLight(0xffffff, 0.6);
+  viewer.scene.add(ambient, key, key.target, fill, fill.target, floor);
 
+  // Set light, floor and the range of the camera for the size of the robot.
   function illuminate() {
-    const box = new THREE.Box3().setFromPoints(reach.map(([x, y, z]) => new THREE.Vector3(x, y, z)));
+    const points = reach.map(([x, y, z]) => new THREE.Vector3(x, y, z));
+    const box = new THREE.Box3().setFromPoints(points);
     const middle = box.getCenter(new THREE.Vector3());
     size = box.getSize(new THREE.Vector3()).length() || 1;
     for (const [light, x, y, z] of [[key, 0.3, -0.2, 2], [fill, -1, -1, 0.5]]) {
       light.target.position.copy(middle);
       light.position.set(x, y, z).multiplyScalar(size).add(middle);
     }
-    Object.assign(key.shadow.camera, { left: -size, right: size, top: size, bottom: -size, near: 0.1 * size, far: 6 * size });
+    Object.assign(key.shadow.camera, {
+      left: -size, right: size, top: size, bottom: -size, near: 0.1 * size, far: 6 * size,
+    });
     key.shadow.camera.updateProjectionMatrix();
     key.shadow.normalBias = 0.004 * size;
+    // A cell is a round length; grid lines pass through the origin of the base.
     const power = 10 ** Math.floor(Math.log10(size / 4));
     const cell = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= size / 6);
-    floor.position.set(Math.round(middle.x / cell) * cell, Math.round(middle.y / cell) * cell, ground === null ? box.min.z - 0.01 * size : ground - 1e-3 * size);
-    grid.scale.set(12 * cell, 1, 12 * cell);
-    shadow.scale.setScalar(6 * cell);
+    const x = Math.round(middle.x / cell) * cell, y = Math.round(middle.y / cell) * cell;
+    const z = ground === null ? box.min.z - 0.01 * size : ground - 1e-3 * size;
+    floor.position.set(x, y, z);
+    grid.scale.set(CELLS * cell, 1, CELLS * cell);
+    shadow.scale.setScalar(CELLS / 2 * cell);
     shadow.position.z = -1e-3 * size;
     Object.assign(viewer.camera, { near: size / 100, far: 60 * size });
     Object.assign(viewer.controls, { minDistance: size / 20, maxDistance: 25 * size });
@@ -63,24 +87,37 @@ const stage = (() => {
 
   // --- camera --------------------------------------------------------------------------------
 
-  function usual() { // of a planar robot its face, of a flat one too, a little from the side
+  // The usual direction to see the robot from: a planar robot from its face, a flat one nearly
+  // across, others obliquely.
+  function usual() {
     if (face) return face;
-    const [x, y, z] = [0, 1, 2].map((i) => Math.max(...reach.map((p) => p[i])) - Math.min(...reach.map((p) => p[i])));
-    const flat = 0.25 * Math.max(x, y, z);
-    return z < flat ? [0.25, -0.6, 1.2] : y < flat ? [0.3, -1, 0.25] : x < flat ? [1, 0.3, 0.25] : VIEWS.iso;
+    const extent = (i) => Math.max(...reach.map((p) => p[i])) - Math.min(...reach.map((p) => p[i]));
+    const [x, y, z] = [0, 1, 2].map(extent), flat = 0.25 * Math.max(x, y, z);
+    if (z < flat) return [0.25, -0.6, 1.2];
+    if (y < flat) return [0.3, -1, 0.25];
+    if (x < flat) return [1, 0.3, 0.25];
+    return VIEWS.iso;
   }
 
-  // As near as the robot's farthest points stay inside the picture, upright or across.
+  // Place the camera in the direction of the view, as near as all points of the reach stay inside
+  // the picture. Along an axis of the picture with the slope of its border, a point p stays inside
+  // if |p - middle| <= slope * distance along the view: each border gives the nearest place.
   function frame() {
     if (!reach.length || !pane.clientHeight) return;
-    const away = up(view === "usual" ? usual() : VIEWS[view]).normalize(), ahead = away.clone().negate();
-    const right = ahead.clone().cross(new THREE.Vector3(0, 1, 0)).normalize(), top = right.clone().cross(ahead);
-    const tangent = MARGIN * Math.tan(viewer.camera.fov * Math.PI / 360);
+    const away = up(view === "usual" ? usual() : VIEWS[view]).normalize();
+    const ahead = away.clone().negate();
+    const right = ahead.clone().cross(new THREE.Vector3(0, 1, 0)).normalize();
+    const top = right.clone().cross(ahead);
+    const tangent = FILLED * Math.tan(viewer.camera.fov * Math.PI / 360);
     const points = reach.map(up), depths = points.map((p) => p.dot(ahead));
-    const [across, upright] = [[right, tangent * pane.clientWidth / pane.clientHeight], [top, tangent]].map(([axis, slope]) => {
-      const [low, high] = [-1, 1].map((sign) => Math.max(...points.map((p, i) => sign * p.dot(axis) - slope * depths[i])));
+    const fitted = (axis, slope) => {
+      const furthest = (sign) =>
+        Math.max(...points.map((p, i) => sign * p.dot(axis) - slope * depths[i]));
+      const low = furthest(-1), high = furthest(1);
       return { middle: (high - low) / 2, depth: -(low + high) / (2 * slope) };
-    });
+    };
+    const across = fitted(right, tangent * pane.clientWidth / pane.clientHeight);
+    const upright = fitted(top, tangent);
     const place = (depth) => right.clone().multiplyScalar(across.middle)
       .addScaledVector(top, upright.middle).addScaledVector(ahead, depth);
     viewer.camera.position.copy(place(Math.min(across.depth, upright.depth)));
@@ -95,7 +132,8 @@ const stage = (() => {
     placeLabels();
   }
 
-  function inside() { // whether all of the robot is in the picture
+  // Whether all of the reach is in the picture.
+  function inside() {
     viewer.camera.updateMatrixWorld();
     return reach.every((p) => {
       const { x, y, z } = up(p).project(viewer.camera);
@@ -103,7 +141,7 @@ const stage = (() => {
     });
   }
 
-  viewer.controls.addEventListener("start", () => { view = null; }); // now it is the reader's
+  viewer.controls.addEventListener("start", () => { view = null; }); // the reader turns it
 
   function resize() {
     viewer.set_3d_pane_size();
@@ -111,13 +149,14 @@ const stage = (() => {
     placeLabels();
   }
 
-  // --- layers and words ----------------------------------------------------------------------
+  // --- layers and labels ---------------------------------------------------------------------
 
+  // The object at a path. The children of the robot are movers, their children the layers.
   const node = (...path) => viewer.scene_tree.find(["meshcat", "robot", ...path]).object;
 
   function showLayer(name, on) {
     if (name === "floor") floor.visible = on;
-    else for (const mover of node().children) {
+    for (const mover of node().children) {
       const layer = mover.children.find((child) => child.name === name);
       if (layer) layer.visible = on;
     }
@@ -126,10 +165,16 @@ const stage = (() => {
     placeLabels();
   }
 
-  function showThrough() { // what bodies hide of the arrows, faintly
+  // Draw arrows once more, faintly, where bodies hide them.
+  function showThrough() {
+    const layers = node().children.flatMap((mover) => mover.children)
+      .filter(({ name }) => ["torques", "reactions"].includes(name));
     const arrows = [];
-    for (const mover of node().children) {
-      for (const layer of mover.children.filter((child) => ["torques", "reactions"].includes(child.name))) layer.traverse((object) => { if (object.isMesh && !object.children.length && object.material.depthTest) arrows.push(object); });
+    for (const layer of layers) {
+      layer.traverse((object) => {
+        const isNew = object.isMesh && !object.children.length; // others have their copy
+        if (isNew && object.material.depthTest) arrows.push(object);
+      });
     }
     for (const arrow of arrows) {
       const seen = new THREE.Mesh(arrow.geometry, arrow.material.clone());
@@ -137,36 +182,6 @@ const stage = (() => {
       seen.renderOrder = 1;
       arrow.add(seen);
     }
-  }
-
-  // --- the hand ------------------------------------------------------------------------------
-
-  const caster = new THREE.Raycaster(), TOUCHED = ["bodies", "skeleton", "inertia"];
-
-  function aim(clientX, clientY) {
-    const { left, top, width, height } = pane.getBoundingClientRect();
-    viewer.camera.updateMatrixWorld();
-    caster.setFromCamera(new THREE.Vector2((clientX - left) / width * 2 - 1, 1 - (clientY - top) / height * 2), viewer.camera);
-  }
-  const inBase = (vector) => viewer.scene.worldToLocal(vector.clone()).toArray();
-
-  // What is seen at a place of the window: its mover, the point and the ray, base axes.
-  function hit(clientX, clientY) {
-    aim(clientX, clientY);
-    const layers = node().children.flatMap((mover) => mover.children.filter(({ name, visible }) => visible && TOUCHED.includes(name)));
-    const [first] = caster.intersectObjects(layers, true);
-    if (!first) return null;
-    let object = first.object;
-    while (object.parent !== node()) object = object.parent;
-    const base = inBase(caster.ray.origin);
-    return { mover: object.name, point: inBase(first.point), ray: inBase(caster.ray.origin.clone().add(caster.ray.direction)).map((x, i) => x - base[i]) };
-  }
-
-  function inPlane(clientX, clientY, point) { // through a point, parallel to the picture
-    aim(clientX, clientY);
-    const through = viewer.scene.localToWorld(new THREE.Vector3(...point)), normal = viewer.camera.getWorldDirection(new THREE.Vector3());
-    const found = caster.ray.intersectPlane(new THREE.Plane().setFromNormalAndCoplanarPoint(normal, through), new THREE.Vector3());
-    return found ? inBase(found) : point;
   }
 
   function placeLabels() {
@@ -180,6 +195,48 @@ const stage = (() => {
       element.style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
     }
   }
+
+  // --- the hand ------------------------------------------------------------------------------
+
+  const caster = new THREE.Raycaster(), TOUCHED = ["bodies", "skeleton", "inertia"]; // layers
+
+  // Let the caster's ray pass through a place of the window.
+  function aim(clientX, clientY) {
+    const { left, top, width, height } = pane.getBoundingClientRect();
+    const x = (clientX - left) / width * 2 - 1, y = 1 - (clientY - top) / height * 2;
+    viewer.camera.updateMatrixWorld();
+    caster.setFromCamera(new THREE.Vector2(x, y), viewer.camera);
+  }
+
+  const inBase = (vector) => viewer.scene.worldToLocal(vector.clone()).toArray();
+
+  // What is seen at a place of the window: the name of its mover, the point, and the unit vector
+  // `ray` of the view, in base axes. It is null if there is nothing.
+  function hit(clientX, clientY) {
+    aim(clientX, clientY);
+    const layers = node().children.flatMap((mover) => mover.children)
+      .filter(({ name, visible }) => visible && TOUCHED.includes(name));
+    const [first] = caster.intersectObjects(layers, true);
+    if (!first) return null;
+    let object = first.object;
+    while (object.parent !== node()) object = object.parent;
+    const { origin, direction } = caster.ray;
+    const start = inBase(origin), end = inBase(origin.clone().add(direction));
+    return { mover: object.name, point: inBase(first.point), ray: end.map((x, i) => x - start[i]) };
+  }
+
+  // The point under a place of the window, in the plane through `point` parallel to the picture;
+  // base axes.
+  function inPlane(clientX, clientY, point) {
+    aim(clientX, clientY);
+    const through = viewer.scene.localToWorld(new THREE.Vector3(...point));
+    const normal = viewer.camera.getWorldDirection(new THREE.Vector3());
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, through);
+    const found = caster.ray.intersectPlane(plane, new THREE.Vector3());
+    return found ? inBase(found) : point;
+  }
+
+  // --- loading -------------------------------------------------------------------------------
 
   function load(data) {
     reach = data.reach;
@@ -195,29 +252,34 @@ const stage = (() => {
       return { ...label, element };
     });
     showThrough();
-    node().children.find(({ name }) => name === "ghost")?.traverse((object) => { object.castShadow = false; });
+    const ghost = node().children.find(({ name }) => name === "ghost");
+    ghost?.traverse((object) => { object.castShadow = false; });
     for (const [name, on] of Object.entries(data.layers)) showLayer(name, on);
     viewer.camera.updateProjectionMatrix();
-    if (viewer.first === undefined || !inside()) view ??= "usual";
-    viewer.first = false;
+    // The reader's view stays, if the robot is inside.
+    if (isFirst || !inside()) view ??= "usual";
+    isFirst = false;
     resize();
   }
 
   return {
     load, look, resize, placeLabels, showLayer, inside, hit, inPlane,
     place(path, matrix) {
-      const { object } = viewer.scene_tree.find(["meshcat", "robot", ...path]);
+      const object = node(...path);
       matrix.decompose(object.position, object.quaternion, object.scale);
       viewer.set_dirty();
     },
+    // Execute a command of Meshcat; an animation does not play, but is sought.
     command(bytes) {
       viewer.handle_command_bytearray(bytes);
       if (viewer.animator.playing) viewer.animator.pause();
     },
-    seek(time, indices) { // and how much of the trail has been passed
+    // Show the motion at a time; `indices` is how many of the trail's vertices have been passed.
+    seek(time, indices) {
       viewer.animator.seek(time);
       node("0", "trail").traverse((object) => {
-        if (object.isMesh && object.parent.name === "passed") object.geometry.setDrawRange(0, indices);
+        const isPassed = object.isMesh && object.parent.name === "passed";
+        if (isPassed) object.geometry.setDrawRange(0, indices);
       });
       viewer.set_dirty();
     },
