@@ -41,12 +41,13 @@ from .progress import counted
 #: are almost three times as large; at 1 they are hardly smaller.
 LARGEST_AT_FIXED_STEP = 10.0
 #: The coordinates are judged at the ends of parts of a step, in which no joint moves by more than
-#: this, [rad] or robot lengths. Near a dead point the condition number is about 1 / d at the
-#: distance d, so that it is above `LARGEST_AT_FIXED_STEP` over a length of about 0.2: parts of 0.05
-#: do not pass over it.
+#: this, [rad] or robot lengths. A choice: at the distance d from a dead point the condition number
+#: is c / d, and c is about 7 and 10 for two four-bars. Already with c = 1 it is above
+#: `LARGEST_AT_FIXED_STEP` over a length of 0.2, so that parts of 0.05 do not pass over it.
 _PART_OF_STEP = 0.05
-#: The most parts of a step, which limit its cost. A step longer than 0.2 may pass over a dead point
-#: unnoticed here; `require_continuous` then refuses it.
+#: The most parts of a step; a choice, as each part costs an evaluation of Phi. In a step of more
+#: than 0.2 a dead point may lie between the ends of two parts: `require_continuous` then refuses the
+#: step, and the motion ends.
 _MOST_PARTS = 4
 #: The text of a `StepError` for a motion that diverges.
 NOT_FINITE = "a number is not finite; a shorter step may help"
@@ -119,9 +120,9 @@ class StateSpace:
     # --- the equations of motion ------------------------------------------------------------
 
     def closed(self, states: Array) -> Array:
-        """q of states with closed loops, shape (..., nq): only dependent joints are moved.
+        """q of states with closed loops, shape (..., nq).
 
-        Wheels roll without slip as they are moved.
+        Only dependent joints are moved. Wheels that are moved roll without slip.
         """
         if states.ndim == 2:
             return np.array([self.closed(state) for state in states])
