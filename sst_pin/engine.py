@@ -213,15 +213,18 @@ class Engine:
     ) -> Array:
         """A quantity that has no loads; the reference path is `of_sample(q, *vectors)`."""
         require_policy(on_error)
+        # Step 1.
         kernel = self.kernel(key)
         asked = kernel is not None and on_error == "raise" and _can_answer(shape, vectors, out)
         if kernel is not None and asked:
             answer = _answer(kernel, shape, q, vectors, None, out, threads)
             if answer is not None:
                 return answer
+        # Step 2.
         if key.frame is not None:
             of_sample = partial(of_sample, frame=frame_id(self.mechanism.model, key.frame))
         samples = self.arguments.state(q, **vectors)
+        # Steps 3 and 4.
         return self._each_sample(
             of_sample,
             samples,
@@ -274,8 +277,8 @@ class Engine:
         state = self.arguments.state(q, **vectors)
         axes = [1 for _ in state]
         axes.append(2)  # of the wrenches
-        # Steps 3 and 4. `Kernel.many` takes no moment on the platform: with loads it has to be that
-        # of the second kernel.
+        # Steps 3 and 4. `Kernel.many` of the first kernel takes no moment on the platform, so that
+        # the second kernel gets all loads.
         if kernel_exists and wrenches is not None:
             kernel = self.kernel(key._replace(loaded=True))
         return self._each_sample(

@@ -46,8 +46,8 @@ LARGEST_AT_FIXED_STEP = 10.0
 #: `LARGEST_AT_FIXED_STEP` over a length of 0.2, so that parts of 0.05 do not pass over it.
 _PART_OF_STEP = 0.05
 #: The most parts of a step; a choice, as each part costs an evaluation of Phi. In a step of more
-#: than 0.2 a dead point may lie between the ends of two parts: `require_continuous` then refuses the
-#: step, and the motion ends.
+#: than 0.2 a dead point may lie between the ends of two parts. Then `require_continuous` refuses
+#: the step, and the motion ends.
 _MOST_PARTS = 4
 #: The text of a `StepError` for a motion that diverges.
 NOT_FINITE = "a number is not finite; a shorter step may help"
