@@ -136,7 +136,7 @@ def _is_ball(joint: Any) -> bool:
 class Mechanism:
     """A tree with closures, motors, friction and springs; it never changes."""
 
-    #: A copy, which never changes.
+    #: The tree; a copy, which never changes.
     model: pin.Model
     closures: tuple[Constraint, ...]
     #: Indices in v of the independent rates, shape (n,).
@@ -203,8 +203,9 @@ class Mechanism:
     def held_in_part(self) -> bool:
         """Whether some rates of a joint with nq != nv are coordinates, others not.
 
-        Such joints are balls, free-flyers and planar joints: their rates are not derivatives of q.
-        What it means to hold such a coordinate depends on the path to a configuration.
+        Such joints are balls, free-flyers and planar joints. No positions belong to single rates of
+        them: integrals of the rates depend on the path to a configuration. So it is not unique what
+        it means to hold such a coordinate fixed.
         """
         for joint in list(self.model.joints)[1:]:
             if joint.nv > 1 and joint.nq != joint.nv:
