@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The rows of closures on CasADi's symbols: Phi, Phi v, Phi v_dot + Phi_dot v, and the residual.
 
-`loops` has the same rows in numbers. Most closures connect a frame A to a frame B. Their rows
-depend only on how A and B move relative to the *base*: the last link that carries both frames. All
-vectors of such a row are in the axes of the base, unless another link is named:
+`loops` has the same rows in numbers. `closure_rows` makes the rows of a closure. Those between two
+frames A and B are made by `_FramePair`, `_EqualOrientation` and `_Rolling`, those of joints by
+`_brake` and `_coupling`.
+
+Rows between two frames depend only on how A and B move relative to the *base*: the last link that
+carries both frames. All vectors of such a row are in the axes of the base, unless another link is
+named:
 
 - R and p are the axes (in columns) and the origin of a frame, and d = p_B - p_A;
-- u is the velocity of an origin, omega the angular velocity of a frame, relative to the base.
+- u is the velocity of the origin of a frame, omega its angular velocity, a and alpha are the rates
+  of u and omega, all relative to the base.
 
 A row is a linear function of these velocities, Phi v = g_B(u_B, omega_B) - g_A(u_A, omega_A).
 """
@@ -26,9 +31,10 @@ from ..model.tree import frame_named, joint_id
 from .link_kinematics import Kinematics
 from .symbols import Sparse, add, is_zero, sx
 
-#: Linear and angular velocity of a link relative to a base, both by their indices, link's axes.
+#: A function (base, link), by indices of links: the linear and the angular velocity of the link
+#: relative to the base, in the axes of the link.
 Twists = Callable[[int, int], tuple[SX, SX]]
-#: A linear function g(u, omega) of the velocity of a frame's origin and its angular velocity.
+#: A linear function g(u, omega) of the velocities of a frame.
 VelocityFunction = Callable[[SX, SX], SX]
 #: Phi v_dot + Phi_dot v as a function of v and v_dot.
 Acceleration = Callable[[Sparse, Sparse], SX]
@@ -43,25 +49,30 @@ class End(NamedTuple):
     link: int
     #: The origin of the frame.
     point: SX
-    #: What the frame adds to Phi v: g_B of frame B, -g_A of frame A.
+    #: The term of the frame in Phi v: g_B for frame B, -g_A for frame A.
     rate: VelocityFunction
 
 
 @dataclass(frozen=True)
 class Row:
-    """One equation of a closure."""
+    """One equation of a closure: one row of Phi."""
 
-    #: Coefficients of the rates, by index.
+    #: The entries of the row of Phi, by rate.
     Phi: Sparse
-    #: Phi v, from the rates v and the twists that they give to links.
+    #: Phi v, as a function of v and the twists of links at v. A row between two frames uses only
+    #: the twists, so that the gradient by the twist of a link is the wrench on this link. A row of
+    #: a joint uses only v.
     velocity: Callable[[Sparse, Twists], SX]
     acceleration: Acceleration
     #: Zero when the loop is closed; None for a row that constrains rates only.
     residual: SX | None
-    #: The term of the row in the sum of squares that is zero when the loops are closed. Rows may
-    #: share one term: then the first of them has it, and the others have zero.
+    #: The term of the row in a sum of squares that is zero only when the loops are closed. A
+    #: residual can also be zero in an open loop, for instance if two axes are opposite instead of
+    #: equal; this term is not. Rows may share one term: the first of them has it, the others have
+    #: zero.
     squared_gap: SX
-    #: Frames A and B; empty for a row that is no function of the velocities of frames.
+    #: Frames A and B of a row that `_FramePair` makes, by which `shared_links` couples loops.
+    #: Empty for other rows.
     ends: tuple[End, ...] = ()
 
 
@@ -70,7 +81,7 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
     if isinstance(closure, Coupling):
         return [_coupling(kinematics, model, closure)]
     if isinstance(closure, Rolling):
-        return _FramePair(kinematics, model, closure.plane, closure.wheel).rolling(closure)
+        return _Rolling(_FramePair(kinematics, model, closure.plane, closure.wheel), closure).rows()
     if isinstance(closure, Brake):
         if closure.frames is None:
             return [_brake(model, closure)]
@@ -81,16 +92,17 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
     return pair.held_motions(closure.held)
 
 
-def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Row]:
-    """Length |d| of the line between the origins of two frames, and a row for it.
+def length_and_row(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Row]:
+    """Length |d| of the line between the origins of the frames a and b, and a row for the length.
 
-    Phi v of the row is the rate of the length, its acceleration the second derivative.
+    Phi v of the row is the rate of the length. The acceleration of the row is the second derivative
+    of the length.
     """
     pair = _FramePair(kinematics, model, a, b)
     return pair.length, pair.held_length()
 
 
-def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
+def velocities_by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
     """Phi v of each row on symbols for the twists of links, and these symbols by link.
 
     The gradient of Phi v by the twist of a link is the wrench of the row on this link.
@@ -111,26 +123,29 @@ def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
 # --- rows between two frames ----------------------------------------------------------------------
 
 
-class FrameMotion(NamedTuple):
+class _FrameMotion(NamedTuple):
     """Motion of a frame relative to the base, in the axes of the base."""
 
+    #: Angular velocity.
     omega: SX
     #: Angular acceleration.
     alpha: SX
     #: Acceleration of the origin.
-    a: SX
+    acceleration: SX
 
 
 @dataclass(frozen=True)
 class _RightAngle:
-    """An axis of A that stays at a right angle to an axis of B, axes by their numbers 0, 1, 2.
+    """An axis n of A that stays at a right angle to an axis m of B.
 
-    With the axes n of A and m of B, the residual is sign n . m, and Phi v is sign (m x n) .
-    (omega_B - omega_A). In a closed loop m x n is the third axis or its opposite; the sign is such
-    that Phi v is the rate about the third axis itself.
+    The residual is sign n . m. Its rate is Phi v = sign (m x n) . (omega_B - omega_A). In a closed
+    loop m x n is the third axis or its opposite. The sign is such that Phi v is the rate about the
+    third axis itself.
     """
 
+    #: Number of the axis n: 0, 1 or 2.
     axis_of_a: int
+    #: Number of the axis m.
     axis_of_b: int
     sign: float
 
@@ -138,8 +153,11 @@ class _RightAngle:
 class _FramePair:
     """Two frames A and B, and the rows that constrain their relative motion.
 
-    `a` and `b` are the frames as they move relative to the base: p, R, and for each rate of a joint
-    between the base and the frame the twist [u; omega] of the frame at a unit of this rate.
+    Attributes:
+        base: Index of the last link that carries both frames.
+        a, b: Frames A and B as they move relative to the base: p, R, and the columns of their
+            Jacobian, which are the twist [u; omega] at a unit of each rate.
+        d: Vector from the origin of A to that of B.
     """
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
@@ -161,18 +179,21 @@ class _FramePair:
         """|d|."""
         return ca.sqrt(ca.sumsqr(self.d))
 
-    def _motions(self, v: Sparse, dv: Sparse) -> tuple[FrameMotion, FrameMotion]:
-        """Motion of A and of B."""
+    def motions(self, v: Sparse, dv: Sparse) -> tuple[_FrameMotion, _FrameMotion]:
+        """Motion of A and of B at the rates v and accelerations dv of the tree."""
 
-        def motion(link: int, frame: pin.Frame) -> FrameMotion:
+        def motion(link: int, frame: pin.Frame) -> _FrameMotion:
             R, _ = self.kinematics.pose(self.base, link)
-            x = self.kinematics.relative_motion(self.base, link, v, dv)
-            a = x.a + x.U @ sx(frame.placement.translation)  # of a point of the link
-            return FrameMotion(omega=R @ x.omega, alpha=R @ x.alpha, a=R @ a)
+            of_link = self.kinematics.relative_motion(self.base, link, v, dv)
+            # A point at r from the origin of the link has the acceleration a + U r.
+            a = of_link.a + of_link.U @ sx(frame.placement.translation)
+            return _FrameMotion(
+                omega=R @ of_link.omega, alpha=R @ of_link.alpha, acceleration=R @ a
+            )
 
         return motion(self.link_a, self.frame_a), motion(self.link_b, self.frame_b)
 
-    def _d_dot(self, v: Sparse) -> SX:
+    def d_dot(self, v: Sparse) -> SX:
         """The rate of d: u_B - u_A."""
         d_dot = SX(3, 1)
         for k, twist in self.a.columns.items():
@@ -183,7 +204,7 @@ class _FramePair:
                 d_dot += twist[:3] * v[k]
         return d_dot
 
-    def _row(
+    def row(
         self,
         *,
         g_a: VelocityFunction,
@@ -201,16 +222,16 @@ class _FramePair:
         of_a = {k: -g_a(twist[:3], twist[3:]) for k, twist in self.a.columns.items()}
         Phi = {k: entry for k, entry in add(of_b, of_a).items() if not entry.is_zero()}
 
-        def of_link(g: VelocityFunction, link: int, frame: pin.Frame, twists: Twists) -> SX:
-            """g of a frame from the twist of its link."""
+        def g_of_frame(g: VelocityFunction, link: int, frame: pin.Frame, twists: Twists) -> SX:
+            """g(u, omega) of a frame from the twist of its link."""
             R, _ = self.kinematics.pose(self.base, link)
-            u, omega = twists(self.base, link)
-            u_of_frame = u + ca.cross(omega, sx(frame.placement.translation))
-            return g(R @ u_of_frame, R @ omega)
+            u_link, omega = twists(self.base, link)
+            u = u_link + ca.cross(omega, sx(frame.placement.translation))
+            return g(R @ u, R @ omega)
 
         def velocity(v: Sparse, twists: Twists) -> SX:
-            of_frame_a = of_link(g_a, self.link_a, self.frame_a, twists)
-            of_frame_b = of_link(g_b, self.link_b, self.frame_b, twists)
+            of_frame_a = g_of_frame(g_a, self.link_a, self.frame_a, twists)
+            of_frame_b = g_of_frame(g_b, self.link_b, self.frame_b, twists)
             return of_frame_b - of_frame_a
 
         end_a = End(self.base, self.link_a, self.a.p, lambda u, omega: -g_a(u, omega))
@@ -229,8 +250,9 @@ class _FramePair:
     def held_motions(self, held: tuple[bool, ...]) -> Iterator[Row]:
         """Rows for the motions of B along and about x, y, z of A that are held.
 
-        Where all three translations, or all three rotations, are held, the rows may be along or
-        about any three axes. They have those for which their expressions are short.
+        If all three translations are held, their rows may be along any three axes, and likewise the
+        rows of three rotations about any three axes. Then the axes are chosen that give short
+        expressions.
         """
         if all(held[:3]):
             for axis in range(3):
@@ -246,7 +268,8 @@ class _FramePair:
         elif len(held_turns) == 2:
             yield from self._parallel_axes(held_turns)
         elif len(held_turns) == 1:
-            # B does not turn about x if y of A stays at a right angle to z of B, and so on.
+            # B does not turn about x if y of A stays at a right angle to z of B, and so on. The
+            # sign is -1, because m x n = z x y = -x.
             axis_of_a = (held_turns[0] + 1) % 3
             axis_of_b = (held_turns[0] + 2) % 3
             squared_gap = ca.dot(self.a.R[:, axis_of_a], self.b.R[:, axis_of_b]) ** 2
@@ -256,10 +279,10 @@ class _FramePair:
         """The origins have the same coordinate k in the base: d_k = 0, Phi v = u_B,k - u_A,k."""
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._motions(v, dv)
-            return b.a[k] - a.a[k]
+            of_a, of_b = self.motions(v, dv)
+            return of_b.acceleration[k] - of_a.acceleration[k]
 
-        return self._row(
+        return self.row(
             g_a=lambda u, _: u[k],
             g_b=lambda u, _: u[k],
             acceleration=acceleration,
@@ -270,18 +293,22 @@ class _FramePair:
     def _no_slide(self, k: int) -> Row:
         """Axis k of A, n, stays at a right angle to d: n . d = 0.
 
-        As n turns with A, Phi v = n . (d_dot - omega_A x d), and its rate is
-        n . (d_ddot - alpha_A x d + omega_A x (omega_A x d) - 2 omega_A x d_dot).
+        The axis turns with A, n_dot = omega_A x n. So for any vector r the rate of n . r is
+        n . (r_dot - omega_A x r). This gives Phi v = n . (d_dot - omega_A x d), and its rate
+
+            n . (d_ddot - alpha_A x d + omega_A x (omega_A x d) - 2 omega_A x d_dot).
         """
         n = self.a.R[:, k]
         d = self.d
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._motions(v, dv)
-            of_turn = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
-            return ca.dot(n, b.a - a.a + of_turn - 2 * ca.cross(a.omega, self._d_dot(v)))
+            of_a, of_b = self.motions(v, dv)
+            d_ddot = of_b.acceleration - of_a.acceleration
+            omega = of_a.omega
+            of_turn = ca.cross(omega, ca.cross(omega, d)) - ca.cross(of_a.alpha, d)
+            return ca.dot(n, d_ddot + of_turn - 2 * ca.cross(omega, self.d_dot(v)))
 
-        return self._row(
+        return self.row(
             g_a=lambda u, omega: ca.dot(n, u + ca.cross(omega, d)),
             g_b=lambda u, _: ca.dot(n, u),
             acceleration=acceleration,
@@ -294,10 +321,11 @@ class _FramePair:
         (k,) = set(range(3)) - set(held_turns)
         i = (k + 1) % 3
         j = (k + 2) % 3
-        # Axis k of B stays at a right angle to the axes i and j of A.
+        # Axis k of B stays at a right angle to the axes i and j of A. The right angle to axis j
+        # holds the turn about i, and the other way round.
         right_angles = {i: _RightAngle(j, k, sign=-1.0), j: _RightAngle(i, k, sign=1.0)}
-        # Both residuals are zero also where the axes k are opposite. The difference of the axes is
-        # not; for small angles its square is the squared angle. It is the gap of both rows.
+        # Both residuals are zero also if the axes k are opposite. So the gap of both rows is the
+        # difference of the axes k. For a small angle its square is the squared angle.
         squared_gap = ca.sumsqr(self.a.R[:, k] - self.b.R[:, k])
         first, second = held_turns
         yield self._right_angle(right_angles[first], squared_gap)
@@ -306,22 +334,23 @@ class _FramePair:
     def _right_angle(self, axes: _RightAngle, squared_gap: SX) -> Row:
         """sign n . m = 0; see `_RightAngle`.
 
-        The acceleration is its second derivative, sign (n . m_ddot + m . n_ddot + 2 n_dot . m_dot).
+        The acceleration is the second derivative of the residual,
+        sign (n . m_ddot + m . n_ddot + 2 n_dot . m_dot).
         """
         n = self.a.R[:, axes.axis_of_a]
         m = self.b.R[:, axes.axis_of_b]
         across = axes.sign * ca.cross(m, n)
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._motions(v, dv)
-            n_dot = ca.cross(a.omega, n)
-            m_dot = ca.cross(b.omega, m)
-            n_ddot = ca.cross(a.alpha, n) + ca.cross(a.omega, n_dot)
-            m_ddot = ca.cross(b.alpha, m) + ca.cross(b.omega, m_dot)
+            of_a, of_b = self.motions(v, dv)
+            n_dot = ca.cross(of_a.omega, n)
+            m_dot = ca.cross(of_b.omega, m)
+            n_ddot = ca.cross(of_a.alpha, n) + ca.cross(of_a.omega, n_dot)
+            m_ddot = ca.cross(of_b.alpha, m) + ca.cross(of_b.omega, m_dot)
             second = ca.dot(n, m_ddot) + ca.dot(m, n_ddot) + 2 * ca.dot(n_dot, m_dot)
             return axes.sign * second
 
-        return self._row(
+        return self.row(
             g_a=lambda _, omega: ca.dot(across, omega),
             g_b=lambda _, omega: ca.dot(across, omega),
             acceleration=acceleration,
@@ -335,16 +364,17 @@ class _FramePair:
         """The origins stay at a distance l: (d . d - l^2) / (2 l) = 0.
 
         This residual needs no root. It equals |d| - l to first order, and Phi is the same in a
-        closed loop.
+        closed loop: Phi v = d . d_dot / l.
         """
         unit = self.d / length
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._motions(v, dv)
-            return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._d_dot(v)) / length
+            of_a, of_b = self.motions(v, dv)
+            d_ddot = of_b.acceleration - of_a.acceleration
+            return ca.dot(unit, d_ddot) + ca.sumsqr(self.d_dot(v)) / length
 
         residual = (ca.dot(unit, self.d) - length) / 2
-        return self._row(
+        return self.row(
             g_a=lambda u, _: ca.dot(unit, u),
             g_b=lambda u, _: ca.dot(unit, u),
             acceleration=acceleration,
@@ -353,17 +383,24 @@ class _FramePair:
         )
 
     def held_length(self) -> Row:
-        """The rate of |d| is zero; any length is allowed. Phi v = d . d_dot / |d|."""
+        """The rate of |d| is zero; any length is allowed.
+
+        With the unit vector e = d / |d|, Phi v = e . d_dot. The rate of e is
+        (d_dot - (e . d_dot) e) / |d|, so that the rate of Phi v is
+
+            e . d_ddot + (d_dot . d_dot - (e . d_dot)^2) / |d|.
+        """
         length = self.length
         unit = self.d / length
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._motions(v, dv)
-            d_dot = self._d_dot(v)
+            of_a, of_b = self.motions(v, dv)
+            d_ddot = of_b.acceleration - of_a.acceleration
+            d_dot = self.d_dot(v)
             along = ca.dot(unit, d_dot)
-            return ca.dot(unit, b.a - a.a) + (ca.sumsqr(d_dot) - along**2) / length
+            return ca.dot(unit, d_ddot) + (ca.sumsqr(d_dot) - along**2) / length
 
-        return self._row(
+        return self.row(
             g_a=lambda u, _: ca.dot(unit, u),
             g_b=lambda u, _: ca.dot(unit, u),
             acceleration=acceleration,
@@ -371,81 +408,100 @@ class _FramePair:
             squared_gap=SX(0),
         )
 
-    # --- rolling ----------------------------------------------------------------------------------
 
-    def rolling(self, closure: Rolling) -> Iterator[Row]:
-        """A wheel or ball B touches the x-y plane of A and does not slip.
+class _Rolling:
+    """A wheel or ball B that touches the x-y plane of A and does not slip.
 
-        `up` is the unit vector from the contact to the centre of B. For a ball it is the normal n
-        of the plane. For a disc with the axle z it lies in the disc: g / |g| with
-        g = n - (n . z) z. Phi v is the velocity of B at the contact relative to A, along the axes
-        of A; its rows are "slip x", "slip y" and "height".
-        """
-        normal = self.a.R[:, 2]
-        axle = self.b.R[:, 2]
-        radius = closure.radius
-        if closure.ball:
-            up = normal
+    `up` is the unit vector from the contact to the centre of B. For a ball it is the normal n of
+    the plane. For a disc with the axle z it lies in the disc: up = g / |g| with g = n - (n . z) z.
+    With the radius r, the contact is at p_B - r up. The slip is the velocity of B at the contact
+    less that of A,
+
+        slip = u_B - omega_B x r up - (u_A + omega_A x c),   c = d - r up,
+
+    where c is the vector from the origin of A to the contact. Phi v of the three rows is the slip
+    along the axes x, y, z of A. The third row also has a residual, the height of the contact above
+    the plane.
+    """
+
+    def __init__(self, pair: _FramePair, closure: Rolling) -> None:
+        self._pair = pair
+        self._is_ball = closure.ball
+        self._radius = closure.radius
+        self._normal = pair.a.R[:, 2]
+        self._axle = pair.b.R[:, 2]
+        if self._is_ball:
+            self._up = self._normal
         else:
-            g = normal - ca.dot(normal, axle) * axle
-            size = ca.sqrt(ca.sumsqr(g))
-            up = g / size
-        from_a = self.d - radius * up  # from the origin of A to the contact
+            g = self._normal - ca.dot(self._normal, self._axle) * self._axle
+            self._g_length = ca.sqrt(ca.sumsqr(g))
+            self._up = g / self._g_length
+        self._c = pair.d - self._radius * self._up
 
-        def up_rate(a: FrameMotion, b: FrameMotion) -> SX:
-            normal_dot = ca.cross(a.omega, normal)
-            if closure.ball:
-                return normal_dot
-            axle_dot = ca.cross(b.omega, axle)
-            along = ca.dot(normal_dot, axle) + ca.dot(normal, axle_dot)
-            g_dot = normal_dot - along * axle - ca.dot(normal, axle) * axle_dot
-            return (g_dot - up * ca.dot(up, g_dot)) / size
+    def rows(self) -> Iterator[Row]:
+        """The rows "slip x", "slip y" and "height"."""
+        yield self._row_along(self._pair.a.R[:, 0], height=None)
+        yield self._row_along(self._pair.a.R[:, 1], height=None)
+        yield self._row_along(self._normal, height=ca.dot(self._normal, self._c))
 
-        def slip_rate(v: Sparse, dv: Sparse) -> SX:
-            """Rate of the slip velocity.
+    def _row_along(self, n: SX, height: SX | None) -> Row:
+        """The row of the slip along an axis n of A."""
+        up = self._radius * self._up
+        squared_gap = SX(0)
+        if height is not None:
+            squared_gap = height**2
+        return self._pair.row(
+            g_a=lambda u, omega: ca.dot(n, u + ca.cross(omega, self._c)),
+            g_b=lambda u, omega: ca.dot(n, u - ca.cross(omega, up)),
+            acceleration=lambda v, dv: ca.dot(n, self._slip_rate(v, dv)),
+            residual=height,
+            squared_gap=squared_gap,
+        )
 
-            Along axes that turn it is the same as along fixed ones, because the slip is zero.
-            """
-            a, b = self._motions(v, dv)
-            up_dot = up_rate(a, b)
-            at_b = b.a - ca.cross(b.alpha, radius * up) - ca.cross(b.omega, radius * up_dot)
-            at_a = a.a + ca.cross(a.alpha, from_a)
-            return at_b - at_a - ca.cross(a.omega, self._d_dot(v) - radius * up_dot)
+    def _slip_rate(self, v: Sparse, dv: Sparse) -> SX:
+        """Rate of the slip velocity.
 
-        def row_along(n: SX, height: SX | None) -> Row:
-            squared_gap = SX(0)
-            if height is not None:
-                squared_gap = height**2
-            return self._row(
-                g_a=lambda u, omega: ca.dot(n, u + ca.cross(omega, from_a)),
-                g_b=lambda u, omega: ca.dot(n, u - ca.cross(omega, radius * up)),
-                acceleration=lambda v, dv: ca.dot(n, slip_rate(v, dv)),
-                residual=height,
-                squared_gap=squared_gap,
-            )
+        The axes of A turn. But the slip is zero, so its components along turning axes have the same
+        rates as those along fixed axes.
+        """
+        of_a, of_b = self._pair.motions(v, dv)
+        up = self._radius * self._up
+        up_dot = self._radius * self._up_rate(of_a, of_b)
+        c_dot = self._pair.d_dot(v) - up_dot
+        at_b = of_b.acceleration - ca.cross(of_b.alpha, up) - ca.cross(of_b.omega, up_dot)
+        at_a = of_a.acceleration + ca.cross(of_a.alpha, self._c)
+        return at_b - at_a - ca.cross(of_a.omega, c_dot)
 
-        yield row_along(self.a.R[:, 0], height=None)
-        yield row_along(self.a.R[:, 1], height=None)
-        yield row_along(normal, height=ca.dot(normal, from_a))
+    def _up_rate(self, of_a: _FrameMotion, of_b: _FrameMotion) -> SX:
+        """Rate of `up`: n_dot for a ball, else (g_dot - (up . g_dot) up) / |g|."""
+        n_dot = ca.cross(of_a.omega, self._normal)
+        if self._is_ball:
+            return n_dot
+        z_dot = ca.cross(of_b.omega, self._axle)
+        along = ca.dot(n_dot, self._axle) + ca.dot(self._normal, z_dot)  # rate of n . z
+        g_dot = n_dot - along * self._axle - ca.dot(self._normal, self._axle) * z_dot
+        return (g_dot - self._up * ca.dot(self._up, g_dot)) / self._g_length
 
 
 class _EqualOrientation:
     """Three rows: frame B has the orientation of frame A, Phi v = omega_B - omega_A.
 
-    The letters A, B and C stand for links here: A and B are those of the two frames. R_XY is the
-    rotation that takes vectors from the axes of Y to those of X.
+    In this class the letters A, B and C stand for links: A carries the first frame, B the second
+    one. R_XY is the rotation that takes vectors from the axes of link Y to those of link X.
 
-    The three components may be along any axes. Those of a link C give short expressions: C is the
-    parent of B if the joint between them is revolute, else B itself. In C, the axis of this joint
-    is constant, and so is that of the joint before it.
+    The rows are the components of Phi v along the axes of link C. Any axes would do; these give
+    short expressions. C is the parent of B if the joint between them is revolute. Then the axis of
+    this joint is constant in C, and the axis of the joint before C is constant too. Otherwise C is
+    B itself.
 
-    The branch of A is all joints between the base and A. In a closed loop both frames have the same
-    axes, and then the orientation of A in C needs no joint of this branch:
+    Phi and the acceleration need the rotation R_CA. In a closed loop both frames have the same
+    axes. So R_CA depends on no joint of the branch from the base to A:
 
-        R_CA = R_CB (axes of the frame on B) (axes of the frame on A)^T,
+        R_CA = R_CB R_b R_a^T,
 
-    where the last two are numbers. This is right in closed loops only, which suffices for Phi and
-    the acceleration. The residual compares both branches.
+    with the orientations R_a and R_b of the frames on their links, which are numbers. This is right
+    in closed loops only, which suffices for Phi and the acceleration. The residual compares both
+    branches.
     """
 
     def __init__(self, pair: _FramePair) -> None:
@@ -454,21 +510,21 @@ class _EqualOrientation:
         self._link_a = pair.link_a
         self._link_b = pair.link_b
         links = self._kinematics.tree.links
-        #: Whether a revolute joint is between C and B; else C is B.
-        self._joint_of_b = self._link_b != self._base and links[self._link_b].kind == "turn"
-        self._link_c = links[self._link_b].parent if self._joint_of_b else self._link_b
+        #: Whether C is the parent of B, so that a revolute joint is between them; else C is B.
+        self._c_is_parent = self._link_b != self._base and links[self._link_b].kind == "turn"
+        self._link_c = links[self._link_b].parent if self._c_is_parent else self._link_b
         self._R_CB, _ = self._kinematics.pose(self._link_c, self._link_b)
-        R_of_a = pair.frame_a.placement.rotation
-        R_of_b = pair.frame_b.placement.rotation
-        self._R_CA = self._R_CB @ sx(R_of_b @ R_of_a.T)
+        R_a = pair.frame_a.placement.rotation
+        R_b = pair.frame_b.placement.rotation
+        self._R_CA = self._R_CB @ sx(R_b @ R_a.T)
 
     def rows(self) -> Iterator[Row]:
         """The rows, about the axes x, y, z of C."""
-        # The orientation of C in the base, through each branch.
+        # The orientation of C in the base, by way of each branch.
         R_base_A, _ = self._kinematics.pose(self._base, self._link_a)
         C_through_A = R_base_A @ self._R_CA.T
         C_through_B, _ = self._kinematics.pose(self._base, self._link_c)
-        # Both are equal if two columns are: two columns of a rotation determine the third.
+        # Two rotations are equal if two columns are equal, which determine the third.
         difference = C_through_B - C_through_A
         squared_gap = ca.sumsqr(difference[:, 0]) + ca.sumsqr(difference[:, 2])
         # R is the identity in a closed loop. For a small rotation R, the axial vector of its skew
@@ -522,7 +578,7 @@ class _EqualOrientation:
         for i in self._branch(self._link_c):
             R_iC, _ = self._kinematics.pose(i, self._link_c)
             columns = add(columns, self._axes_of_joint(i, R_iC.T))
-        if self._joint_of_b:
+        if self._c_is_parent:
             columns = add(columns, self._axes_of_joint(self._link_b, self._R_CB))
         return columns
 
@@ -532,7 +588,10 @@ class _EqualOrientation:
         return path[path.index(self._base) + 1 :]
 
     def _axes_of_joint(self, i: int, R: SX) -> Sparse:
-        """The axes of the joint of link i, by rate; R takes them from the axes of this link."""
+        """The angular velocity of link i in its parent at a unit of each rate of its joint.
+
+        R takes vectors from the axes of link i to those of the result.
+        """
         link = self._kinematics.tree.links[i]
         return {k: R @ sx(S[3:]) for k, S in zip(link.v, link.S.T, strict=True)}
 
@@ -542,15 +601,15 @@ class _EqualOrientation:
         The axes of C turn, but as omega_B - omega_A is zero, the rate of its components is
         alpha_B - alpha_A.
         """
-        of_A = self._kinematics.relative_motion(self._base, self._link_a, v, dv)
-        of_C = self._kinematics.relative_motion(self._base, self._link_c, v, dv)
-        difference = of_C.alpha - self._R_CA @ of_A.alpha
-        if self._joint_of_b:
+        of_a = self._kinematics.relative_motion(self._base, self._link_a, v, dv)
+        of_c = self._kinematics.relative_motion(self._base, self._link_c, v, dv)
+        difference = of_c.alpha - self._R_CA @ of_a.alpha
+        if self._c_is_parent:
             # alpha_B = alpha_C + axis v_dot + omega_C x axis v; the axis is fixed in C.
             joint = self._kinematics.tree.links[self._link_b]
             (k,) = joint.v
             axis = self._R_CB @ sx(joint.S[3:, 0])
-            difference += axis * dv.get(k, 0) + ca.cross(of_C.omega, axis * v.get(k, 0))
+            difference += axis * dv.get(k, 0) + ca.cross(of_c.omega, axis * v.get(k, 0))
         return difference
 
 
@@ -579,20 +638,20 @@ def _brake(model: pin.Model, closure: Brake) -> Row:
 def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Row:
     """A joint that follows polynomials p_k of others: q - offset - sum p_k(q_k) = 0.
 
-    With P(q) = q for the joint itself and P = -p_k for the others, Phi v is the sum of P' v_k, and
-    its rate the sum of P' v_dot_k + P'' v_k^2.
+    Let P_k(q_k) = q_k for the joint itself and P_k = -p_k for the others. Then Phi v is the sum of
+    P_k' v_k. Its rate is the sum of P_k' v_dot_k + P_k'' v_k^2.
     """
     P: dict[str, tuple[float, ...]] = {closure.joint: (0.0, 1.0)}
     for name, coefficients in closure.polynomials.items():
         P[name] = tuple(-c for c in coefficients)
     residual = SX(-closure.offset)
-    slopes: Sparse = {}  # P', by rate
-    curvatures: Sparse = {}  # P'', by rate
+    slopes: Sparse = {}  # P_k', by rate
+    curvatures: Sparse = {}  # P_k'', by rate
     for name, coefficients in P.items():
         joint = model.joints[joint_id(model, name)]
         q = kinematics.moved_q[joint.idx_q]
         derivatives = [polyder(coefficients, order) for order in range(3)]
-        # CasADi's coefficients begin with the highest power.
+        # `polyder` has the coefficient of the lowest power first, CasADi that of the highest.
         value, slope, curvature = (SX(ca.polyval(ca.DM(p[::-1]), q)) for p in derivatives)
         residual += value
         if not slope.is_zero():

@@ -26,7 +26,7 @@ from ..dynamics.reactions import BITS, acts_along
 from ..model.closures import Brake, Closure, Coupling, Distance, Rolling, frames_of
 from ..model.thresholds import UNIQUE
 from ..model.tree import frame_named
-from .closure_rows import Row, by_twists, closure_rows
+from .closure_rows import Row, closure_rows, velocities_by_twists
 from .elimination import Factors, total
 from .equations import Equations
 from .kernel_checks import Checks
@@ -47,7 +47,7 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
 
     They are [force; moment] about the origin of the link, in its axes.
     """
-    velocities, twists = by_twists(rows, v)
+    velocities, twists = velocities_by_twists(rows, v)
     wrenches_of_rows = []
     for velocity in velocities:
         wrenches = dict[int, SX]()

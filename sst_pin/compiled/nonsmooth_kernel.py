@@ -21,7 +21,7 @@ from casadi import SX
 
 from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..model.tree import frame_named
-from .closure_rows import line
+from .closure_rows import length_and_row
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
@@ -173,7 +173,7 @@ class NonsmoothTerms:
     def _add_ropes(self) -> None:
         for rope in self._mechanism.contacts.ropes:
             ends = rope.frame_a, rope.frame_b
-            distance, row = line(self._e.kinematics, self._mechanism.model, *ends)
+            distance, row = length_and_row(self._e.kinematics, self._mechanism.model, *ends)
             self._gaps.append(-distance)
             shortening = {i: -x for i, x in row.Phi.items()}  # a rope pulls its ends together
             self._add_impulse(self._add(self._reduced(shortening)))

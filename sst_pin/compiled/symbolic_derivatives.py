@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 from casadi import SX
 
-from .closure_rows import Row, by_twists
+from .closure_rows import Row, velocities_by_twists
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
@@ -208,7 +208,7 @@ def _forces_with_closures(
     Phi^T Lambda is the gradient of the power Lambda . Phi v. Rows of frames depend on v by the
     twists of links, so that their part is wrenches on links; rows of joints depend on v itself.
     """
-    velocities, twists = by_twists(rows, v)
+    velocities, twists = velocities_by_twists(rows, v)
     power = -SX(total(x * velocity for x, velocity in zip(Lambda, velocities, strict=True)))
     on_links = {i: ca.gradient(power, twist) for i, twist in twists.items()}
     on_joints = {i: ca.gradient(power, rate) for i, rate in v.items()}

@@ -16,7 +16,7 @@ from casadi import SX
 from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
-from .closure_rows import Row, line
+from .closure_rows import Row, length_and_row
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion
 from .symbolic_parameters import GRAVITY, SIGN_WIDTH, SymbolicParameters
@@ -306,7 +306,7 @@ class TreeDynamics:
         """All lines along which forces act."""
         model = self._mechanism.model
         forces = self._mechanism.lines.forces
-        places = (line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
+        places = (length_and_row(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
         numbers = self._parameters.of_lines(self._p)
         return [Line(*place, *of_line) for place, of_line in zip(places, numbers, strict=True)]
 
