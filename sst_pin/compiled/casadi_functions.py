@@ -207,7 +207,7 @@ class CasadiFunctions:
     def frame_placement(self, frame: str) -> Function:
         """(q) -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
         e = self._equations
-        point = e.kinematics.point(0, frame_named(self._mechanism.model, frame))
+        point = e.kinematics.moving_frame(0, frame_named(self._mechanism.model, frame))
         return self._with_numbers("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
 
     def frame_jacobian(self, frame: str) -> Function:

@@ -170,8 +170,8 @@ class _FramePair:
         # The base is the last link that the paths from the world to both links share.
         paths = zip(tree.ancestors(self.link_a), tree.ancestors(self.link_b), strict=False)
         self.base = [i for i, j in paths if i == j][-1]
-        self.a = kinematics.point(self.base, self.frame_a)
-        self.b = kinematics.point(self.base, self.frame_b)
+        self.a = kinematics.moving_frame(self.base, self.frame_a)
+        self.b = kinematics.moving_frame(self.base, self.frame_b)
         self.d = self.b.p - self.a.p
 
     @property

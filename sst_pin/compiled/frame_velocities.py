@@ -26,7 +26,7 @@ from .symbols import Sparse, sx
 
 def velocity(e: Equations, frame: str, x: Sparse) -> SX:
     """Velocity of a frame for rates x of the tree."""
-    point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
+    point = e.kinematics.moving_frame(0, frame_named(e.mechanism.model, frame))
     twists = (point.columns[i] * rate for i, rate in x.items() if i in point.columns)
     return sum(twists, SX(6, 1))
 

@@ -206,7 +206,7 @@ def _wrenches(
         for link, wrench in wrenches_of_rows[i].items():
             by_rows[link] += x * wrench
     by_joints = [x - y for x, y in zip(needed, by_rows, strict=True)]
-    carried = e.kinematics.carried(by_joints)  # sums over each link and all links behind it
+    carried = e.kinematics.joint_wrenches(by_joints)  # sums over each link and all links behind it
     wrenches = [carried[tree.link_of[j]] for j in range(1, mechanism.model.njoints)]
 
     first_row = 0

@@ -319,7 +319,7 @@ def _drift(e: Equations, checks: Checks, frame: str) -> KernelParts:
 
 def _placement(e: Equations, checks: Checks, frame: str) -> KernelParts:
     """Position and orientation of a frame."""
-    point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
+    point = e.kinematics.moving_frame(0, frame_named(e.mechanism.model, frame))
     return KernelParts({"q": e.q}, ca.vertcat(point.p, row_by_row(point.R)), [])
 
 

@@ -6,14 +6,19 @@ its parent, to another ancestor, or to the world:
 
 - R, p: the orientation (R takes vectors of the link to the axes of the ancestor) and the origin;
 - u, omega: the velocity of the origin and the angular velocity;
-- a, alpha: the acceleration of the origin and the angular acceleration.
+- a, alpha: the acceleration of the origin and the angular acceleration;
+- S: the twists [u; omega] of the link relative to its parent at a unit of each rate of its joint.
 
-Accelerations are those of points, so that no linear velocity is needed: a point at r from the
-origin of a link has the acceleration a + U r with U = skew(alpha) + skew(omega) skew(omega).
+A point at r from the origin of a link has the acceleration a + U r with
+
+    U = skew(alpha) + skew(omega) skew(omega).
+
+Here a is the second derivative of the position of the origin, not the linear part of a spatial
+acceleration. So the recursion from link to link needs no linear velocity.
 
 Joints may have small *displacements* along their rates, which are symbols with the value zero.
-Expressions are right to first order in them: their derivatives by the displacements are those by q
-along the rates, also for joints with quaternions.
+Expressions are right to first order in the displacements. Their derivatives by the displacements
+are the derivatives by q along the rates, also for joints with quaternions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,14 +45,15 @@ _ZERO = SX(3, 1)
 class LinkMotion:
     """Angular velocity and accelerations of a link, in its axes.
 
-    The accelerations are the rate of a velocity along a motion with rates v. The velocity is mostly
-    that of the motion itself. For the columns L e_k of L it is another one, with rates v_k = L e_k.
+    The robot moves with rates v. The accelerations are the rates, along this motion, of the
+    velocities that some rates v_k give to the link. Mostly v_k = v, and these are the accelerations
+    of the motion. For the rate of a column of L, v_k is this column.
 
     Attributes:
-        omega: Angular velocity of the motion.
-        omega_k: Angular velocity of the velocity that is differentiated.
-        alpha: Rate of omega_k along the motion.
-        a: Rate of the velocity of the origin along the motion.
+        omega: Angular velocity for v.
+        omega_k: Angular velocity for v_k.
+        alpha: Rate of omega_k.
+        a: Rate of the velocity of the origin for v_k.
     """
 
     omega: SX = _ZERO
@@ -57,19 +63,16 @@ class LinkMotion:
 
     @cached_property
     def U(self) -> SX:
-        """The matrix of U r, the acceleration of a point at r less that of the origin."""
+        """The matrix U: a point at r from the origin has the acceleration a + U r."""
         return ca.skew(self.alpha) + ca.skew(self.omega_k) @ ca.skew(self.omega)
 
 
 class Placement(NamedTuple):
-    """A link in its parent.
-
-    Its orientation is R (I + skew(theta)): after R, it is turned by a small rotation vector theta
-    in its own axes, the displacement of its joint.
-    """
+    """Orientation R (I + skew(theta)) and origin p of a link in its parent."""
 
     R: SX
     p: SX
+    #: Small rotation vector in the axes of the link, by the displacement of its joint.
     theta: SX
 
     def to_link(self, x: SX) -> SX:
@@ -82,12 +85,12 @@ class Placement(NamedTuple):
         return self.R @ (x + ca.cross(self.theta, x))
 
 
-class Point(NamedTuple):
-    """A frame as it moves relative to a link, axes of that link."""
+class MovingFrame(NamedTuple):
+    """A frame as it moves relative to a base, one of the links, in the axes of the base."""
 
     p: SX
     R: SX
-    #: [linear; angular] velocity per rate.
+    #: Columns of its Jacobian by rate: the twist [u; omega] at a unit of the rate.
     columns: Sparse
 
 
@@ -103,7 +106,8 @@ class Kinematics:
         tree: The links.
         q: The configuration, shape (nq,).
         displacement: The displacements, shape (nv,), or (0,) without them.
-        pose: Function (base, link): R and p of a link, in the axes of an ancestor, the base.
+        pose: Function (base, link), by indices of links: R and p of the link in an ancestor of it,
+            the base.
     """
 
     def __init__(
@@ -114,13 +118,13 @@ class Kinematics:
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self._displacements: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
-        # Expressions for a pair of an ancestor and a link are made once.
+        # These make the expressions for a base and a link once.
         self.pose = cache(self._pose)
         self._undisplaced_pose = cache(self._undisplaced_pose_of)
         self._link_displacement = cache(self._link_displacement_of)
         self._joint_axes = cache(self._joint_axes_of)
-        #: The last v and dv for which `relative_motion` was asked, and its results for them by base
-        #: and link: several rows of closures ask for the same motions.
+        #: The v and dv of the last call of `relative_motion`, and its results for them by base and
+        #: link. Several rows of closures need the same motions.
         self._last_motions: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
 
     # --- placements ---------------------------------------------------------------------------
@@ -145,6 +149,7 @@ class Kinematics:
         return placements
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
+        """See `pose` of the class."""
         R, p = self._undisplaced_pose(base, link)
         if not self._displacements:
             return R, p
@@ -160,7 +165,11 @@ class Kinematics:
         return R @ R_link, p + R @ p_link
 
     def _link_displacement_of(self, base: int, link: int) -> tuple[SX, SX]:
-        """Shift and turn of a link relative to an ancestor, by the displacements of all joints."""
+        """Shift and turn of a link relative to a base by the displacements of all joints between.
+
+        Both are in the axes of the link. They follow from link to link as twists do, because they
+        are small.
+        """
         if link == base:
             return SX(3, 1), SX(3, 1)
         of_parent = self._link_displacement(base, self.tree.links[link].parent)
@@ -174,26 +183,33 @@ class Kinematics:
         return self.q + self.q_rates(self._displacements)
 
     def difference(self, reference: Mapping[int, SX]) -> Sparse:
-        """Smallest displacements of joints from a reference to q, along their rates.
+        """The smallest rates that lead from a reference configuration to q in unit time.
 
-        It is `pin.difference(model, reference, q)` for those joints of which `reference` has the
-        coordinates, by index in q.
+        The result is `pin.difference(model, reference, q)` for the joints whose coordinates are in
+        `reference`.
+
+        Args:
+            reference: Coordinates by their index in q.
         """
         q = self.moved_q
         step = Sparse()
         for link in self.tree.links:
-            at = [i for i in link.q if i in reference]
-            if at and link.kind == "ball":
-                rotation = _relative(ca.vertcat(*(reference[i] for i in at)), q[at])
-                step |= zip(link.v, ca.vertsplit(rotation_vector(rotation)), strict=True)
-            elif at and link.kind == "unbounded":
-                i, j = at
+            indices = [i for i in link.q if i in reference]
+            if indices and link.kind == "ball":
+                rotation = _relative(ca.vertcat(*(reference[i] for i in indices)), q[indices])
+                turns = ca.vertsplit(rotation_vector(rotation))
+                step |= dict(zip(link.v, turns, strict=True))
+            elif indices and link.kind == "unbounded":
+                # The cosine and the sine of the difference of two angles.
+                i, j = indices
                 (k,) = link.v
                 c = reference[i]
                 s = reference[j]
                 step[k] = angle(c * q[i] + s * q[j], c * q[j] - s * q[i])
             else:
-                step |= {link.v[i - link.q.start]: q[i] - reference[i] for i in at}
+                for i in indices:
+                    rate = link.v[i - link.q.start]
+                    step[rate] = q[i] - reference[i]
         return step
 
     def q_rates(self, v: Sparse) -> SX:
@@ -206,11 +222,14 @@ class Kinematics:
 
     @property
     def unit_gaps(self) -> list[SX]:
-        """Squares of the unit vectors among the coordinates, less one."""
+        """Squared lengths of the unit vectors among the coordinates, less one."""
         return [ca.sumsqr(self.q[part]) - 1 for part in self._units]
 
     def normalized(self, q: SX) -> SX:
-        """q with its unit vectors nearer to length one, by a step of Newton's method."""
+        """q with its unit vectors nearer to length one.
+
+        With the squared length s, the factor (3 - s) / 2 is 1 / sqrt(s) to first order around 1.
+        """
         q = SX(q)
         for part in self._units:
             q[part] *= (3 - ca.sumsqr(q[part])) / 2
@@ -218,6 +237,7 @@ class Kinematics:
 
     @property
     def _units(self) -> list[slice]:
+        """The entries of q that form each unit vector."""
         return [
             slice(link.q.stop - _UNIT[link.kind], link.q.stop)
             for link in self.tree.links
@@ -227,28 +247,25 @@ class Kinematics:
     # --- velocities ---------------------------------------------------------------------------
 
     def twist(self, base: int, link: int, v: Sparse) -> tuple[SX, SX]:
-        """u and omega of a link relative to one of its ancestors."""
+        """u and omega of a link relative to one of its ancestors, in the axes of the link."""
         if link == base:
             return SX(3, 1), SX(3, 1)
         return self._next_twist(link, self.twist(base, self.tree.links[link].parent, v), v)
 
     def _next_twist(self, link: int, of_parent: tuple[SX, SX], v: Sparse) -> tuple[SX, SX]:
-        """u and omega of a link from those of its parent.
-
-        Displacements are twists too, as they are small.
-        """
+        """u and omega of a link from those of its parent, each in the axes of its own link."""
         placement = self._displaced_placements[link]
         u_joint, omega_joint = _joint_twist(self.tree.links[link], v)
-        u, omega = of_parent
-        u = placement.to_link(u + ca.cross(omega, placement.p)) + u_joint
-        return u, placement.to_link(omega) + omega_joint
+        u_parent, omega_parent = of_parent
+        u = placement.to_link(u_parent + ca.cross(omega_parent, placement.p)) + u_joint
+        return u, placement.to_link(omega_parent) + omega_joint
 
     def _joint_axes_of(self, base: int, link: int) -> list[tuple[SX, SX]]:
-        """Linear and angular part of the twist of each rate of a link, axes of an ancestor."""
+        """u and omega of a link relative to its parent at a unit of each rate, axes of the base."""
         R, _ = self.pose(base, link)
-        return [(R @ sx(S[:3]), R @ sx(S[3:])) for S in self.tree.links[link].S.T]
+        return [(R @ sx(twist[:3]), R @ sx(twist[3:])) for twist in self.tree.links[link].S.T]
 
-    def point(self, base: int, frame: pin.Frame) -> Point:
+    def moving_frame(self, base: int, frame: pin.Frame) -> MovingFrame:
         """A frame of the tree as it moves relative to an ancestor of its link."""
         link = self.tree.link_of[frame.parentJoint]
         R, p_link = self.pose(base, link)
@@ -262,7 +279,7 @@ class Kinematics:
                 column = ca.vertcat(u + ca.cross(omega, p - p_joint), omega)
                 # A mimic joint shares its rate with the joint that it follows.
                 columns[k] = columns[k] + column if k in columns else column
-        return Point(p, R @ sx(frame.placement.rotation), columns)
+        return MovingFrame(p, R @ sx(frame.placement.rotation), columns)
 
     # --- accelerations ------------------------------------------------------------------------
 
@@ -274,8 +291,8 @@ class Kinematics:
         Args:
             v: Rates of the motion.
             dv: Rate of v_k along the motion.
-            gravity: With gravity, the base accelerates against it, so that accelerations times
-                masses are the forces that bodies need besides their weights.
+            gravity: If given, link 0 accelerates against gravity. Then a mass times its
+                acceleration is the force that moves the mass and carries its weight.
             v_k: Rates of the velocity that is differentiated, v by default; see `LinkMotion`.
         """
         of_base = LinkMotion() if gravity is None else LinkMotion(a=-gravity)
@@ -289,13 +306,15 @@ class Kinematics:
     def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> LinkMotion:
         """Motion of a link relative to one of its ancestors."""
         last_v, last_dv, motions = self._last_motions
+        # Nobody changes v and dv, so the same dictionaries mean the same motion.
         if last_v is not v or last_dv is not dv:
             motions = {}
             self._last_motions = v, dv, motions
         if (base, link) not in motions:
-            if link == base:
-                is_world = base == 0
-                motions[base, link] = LinkMotion(a=self._acceleration) if is_world else LinkMotion()
+            if link == base == 0:
+                motions[base, link] = LinkMotion(a=self._acceleration)
+            elif link == base:
+                motions[base, link] = LinkMotion()
             else:
                 of_parent = self.relative_motion(base, self.tree.links[link].parent, v, dv)
                 motions[base, link] = self._next_motion(link, of_parent, v, v, dv)
@@ -304,12 +323,18 @@ class Kinematics:
     def _next_motion(
         self, i: int, of_parent: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse
     ) -> LinkMotion:
-        """Motion of link i from that of its parent (primed here), in the axes of the link.
+        """Motion of link i from that of its parent, in the axes of the link.
 
-        With the parts [u_j; omega_j] = S v, [u_jk; omega_jk] = S v_k and [du_j; domega_j] = S dv of
-        its joint, and the origin p of the link in its parent:
+        Quantities of the parent are primed here. The joint has the twists [u_j; omega_j] = S v,
+        [u_jk; omega_jk] = S v_k and [du_j; domega_j] = S dv. The origin of the link in its parent
+        is p. The velocities of the link are
 
-            omega   = omega' + omega_j,   omega_k = omega_k' + omega_jk
+            omega   = omega' + omega_j,   omega_k = omega_k' + omega_jk,
+            u_k     = u_k' + omega_k' x p + u_jk.
+
+        Their rates follow with p_dot = omega' x p + u_j. S is constant in the link, which turns
+        with omega:
+
             alpha   = alpha' + omega x omega_jk + domega_j
             a       = a' + U' p + omega_k' x u_j + omega x u_jk + du_j
         """
@@ -334,33 +359,41 @@ class Kinematics:
 
     # --- forces -------------------------------------------------------------------------------
 
-    def carried(self, wrenches: Sequence[SX]) -> list[SX]:
-        """Wrench of each joint on all that it carries, from what each link needs; ground first.
+    def joint_wrenches(self, needed: Sequence[SX]) -> list[SX]:
+        """The wrench of each joint on all links that it carries, by link.
 
-        Wrenches are [force; moment] about the origin of a link, in its axes.
+        The entry of link 0 is the wrench of the ground on the whole robot. Wrenches are
+        [force; moment] about the origin of a link, in its axes.
+
+        Args:
+            needed: The wrench that each link needs.
         """
-        carried = list(wrenches)
+        wrenches = list(needed)
         for i in range(len(self.tree.links) - 1, 0, -1):
             parent = self.tree.links[i].parent
             placement = self._displaced_placements[i]
-            force, moment = map(placement.to_parent, ca.vertsplit(carried[i], 3))
+            force, moment = map(placement.to_parent, ca.vertsplit(wrenches[i], 3))
             of_lever = ca.vertcat(SX(3, 1), ca.cross(placement.p, force))
-            carried[parent] = carried[parent] + ca.vertcat(force, moment) + of_lever
-        return carried
+            wrenches[parent] = wrenches[parent] + ca.vertcat(force, moment) + of_lever
+        return wrenches
 
-    def transmitted(self, wrenches: Sequence[SX]) -> Sparse:
-        """Forces along the rates, S^T times the wrench of each joint, from what each link needs."""
+    def joint_forces(self, needed: Sequence[SX]) -> Sparse:
+        """Forces along the rates: S^T times the wrench of each joint.
+
+        Args:
+            needed: The wrench that each link needs.
+        """
         tau: Sparse = {}
-        pairs = zip(self.tree.links, self.carried(wrenches), strict=True)
+        pairs = zip(self.tree.links, self.joint_wrenches(needed), strict=True)
         for link, wrench in reversed(list(pairs)):
             tau = add(tau, sparse(link.v, sx(link.S).T @ wrench))
         return tau
 
 
 def _relative(a: SX, b: SX) -> SX:
-    """The rotation from one orientation to another, all as quaternions (x, y, z, w).
+    """The rotation from orientation a to orientation b, all as quaternions (x, y, z, w).
 
-    Its axis has the same components in the axes of either.
+    Its axis has the same components in the axes of a and of b.
     """
     vector = a[3] * b[:3] - b[3] * a[:3] - ca.cross(a[:3], b[:3])
     return ca.vertcat(vector, ca.dot(a, b))
@@ -372,7 +405,10 @@ def _joint_twist(link: Link, x: Sparse) -> list[SX]:
 
 
 def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
-    """R and p of a joint of some kind at its coordinates q."""
+    """R and p of the joint of a link at its coordinates q, without `link.R` and `link.p`.
+
+    Positions come first in q, then an angle or a unit vector: cosine and sine, or a quaternion.
+    """
     kind = link.kind
     S = link.S
     R = SX.eye(3)
@@ -384,7 +420,7 @@ def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
     elif kind == "planar":
         p = ca.vertcat(*q[:2], 0)
     if kind in ("turn", "screw"):
-        (factor,) = clean(np.linalg.norm(S[3:], axis=0)).tolist()  # 1, but for a mimic joint
+        (factor,) = clean(np.linalg.norm(S[3:], axis=0)).tolist()  # 1 except for a mimic joint
         R = _rotation(S[3:, 0] / factor, ca.cos(factor * q[0]), ca.sin(factor * q[0]))
     elif kind in ("unbounded", "planar"):
         R = _rotation(S[3:, -1], q[-2], q[-1])
@@ -399,15 +435,15 @@ def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
 def _q_rates_of(link: Link, q: SX, v: SX) -> SX:
     """Rates of the coordinates q of a joint for its rates v = [u; omega], in the axes of the link.
 
-    A unit vector comes last. The cosine and the sine of an angle have the rates
+    The cosine and the sine of an angle have the rates
 
-        c_dot = -s omega,  s_dot = c omega,
+        c_dot = -s omega,  s_dot = c omega.
 
-    a quaternion with the vector e and the scalar w has
+    A quaternion with the vector e and the scalar w has the rates
 
         e_dot = (w omega + e x omega) / 2,  w_dot = -e . omega / 2.
 
-    The positions before a unit vector have the rates R u.
+    Positions before a unit vector are in the axes of the parent and have the rates R u.
     """
     if link.kind not in _UNIT:
         return v

@@ -26,7 +26,7 @@ from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
-from .link_kinematics import Point
+from .link_kinematics import MovingFrame
 from .nonsmooth_motions import implicit_rates, other_lines
 from .symbols import Sparse, add, is_zero
 
@@ -284,8 +284,8 @@ class NonsmoothTerms:
             frame, ground = (
                 frame_named(self._mechanism.model, name) for name in (contact.frame, contact.ground)
             )
-            place = self._e.kinematics.point(0, frame)
-            plane = self._e.kinematics.point(0, ground)
+            place = self._e.kinematics.moving_frame(0, frame)
+            plane = self._e.kinematics.moving_frame(0, ground)
             normal = plane.R[:, 2]
             height = ca.dot(normal, place.p - plane.p)
             touching = place.p - contact.radius * normal
@@ -307,7 +307,7 @@ class NonsmoothTerms:
         """Twists of a body for the rates of the coordinates, shape (6, n), and its origin."""
         if joint not in self._twists_of_joints:
             frame = pin.Frame("", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
-            body: Point = self._e.kinematics.point(0, frame)
+            body: MovingFrame = self._e.kinematics.moving_frame(0, frame)
             columns = []
             for L in self._e.L:
                 terms = [body.columns[i] * x for i, x in L.items() if i in body.columns]

@@ -164,7 +164,7 @@ class TreeDynamics:
         wrenches = self.wrenches(v, dv, loads=loads, weight=weight)
         for i, wrench in (reactions or {}).items():
             wrenches[i] = wrenches[i] + wrench
-        forces = add(self._kinematics.transmitted(wrenches), self._rotors(dv))
+        forces = add(self._kinematics.joint_forces(wrenches), self._rotors(dv))
         return add(forces, self.along_lines(self.inertial_pulls(v, dv)))
 
     def wrenches(
@@ -461,7 +461,7 @@ class TreeDynamics:
             moment = body.inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
             force = body.mass * x.a + x.U @ body.c
             wrenches.append(ca.vertcat(force, moment + ca.cross(body.c, x.a)))
-        forces = add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
+        forces = add(self._kinematics.joint_forces(wrenches), self._rotors(L_dot))
         return add(forces, self.along_lines(self._coriolis_pulls(v, L, L_dot)))
 
     def _coriolis_pulls(self, v: Sparse, L: Sparse, L_dot: Sparse) -> list[Any]:
