@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A Pinocchio tree as links: a link is a joint whose twists are constant in the child's frame.
+"""A Pinocchio tree as links, for which equations are written.
 
-Joints with moving axes, such as universal joints and composites, become several links in series.
-The body behind such a joint belongs to the last of them.
+A link is a body together with the joint before it, the joint that connects it to its parent. The
+twists of this joint are constant in the frame of the link. A joint with moving axes, such as a
+universal joint or a composite, becomes several links in series. The last of them carries the body,
+the others have no mass.
 """
 
 from dataclasses import dataclass, field
@@ -14,9 +16,10 @@ from ..arrays import Array
 from ..errors import DescriptionError
 from ..model.normal_tree import series_of
 
-#: The kind of a link tells how its placement follows from its coordinates. "turn" is a revolute
-#: joint, "slide" a prismatic one, "slides" three of these, "unbounded" a revolute joint whose
-#: coordinates are cosine and sine.
+#: The kind of a link, by the name of Pinocchio's joint. The kind determines how the placement of
+#: the link follows from its coordinates. "turn" is a revolute joint, "slide" a prismatic one,
+#: "slides" are three prismatic ones. "unbounded" is a revolute joint whose coordinates are the
+#: cosine and the sine of the angle.
 _KINDS = {
     "Planar": "planar",
     "Spherical": "ball",
@@ -39,23 +42,24 @@ _NEUTRAL = {
 
 @dataclass
 class Link:
-    """A joint and the body behind it."""
+    """A body and the joint before it."""
 
     #: Index of the parent in `LinkTree.links`; the base is 0.
     parent: int
-    #: Orientation of the joint's frame at neutral coordinates in the parent's frame.
+    #: Orientation of the joint's frame at neutral coordinates, in the parent's frame.
     R: Array
-    #: Its origin in the parent's frame, [m].
+    #: Origin of the joint's frame at neutral coordinates, in the parent's frame, [m].
     p: Array
     #: One of the values of `_KINDS`; "fixed" for the base.
     kind: str
-    #: Indices of its coordinates and of its rates; of a mimic joint those of the one it follows.
+    #: Indices of the joint's coordinates. A mimic joint has those of the joint that it follows.
     q: range
+    #: Indices of the joint's rates, likewise.
     v: range
-    #: Twists [linear; angular] of its rates in the child's frame, shape (6, nv); unit ones, but for
-    #: a mimic joint.
+    #: Twists [linear; angular] of the link in its parent at a unit of each rate, in the frame of
+    #: the link, shape (6, rates). They are unit twists, except those of a mimic joint.
     S: Array
-    #: Index of Pinocchio's joint whose inertia it carries, 0 for none.
+    #: Index of Pinocchio's joint whose inertia the link carries, 0 for none.
     body: int = 0
 
 
@@ -101,7 +105,7 @@ class LinkTree:
         return tree
 
     def ancestors(self, link: int) -> list[int]:
-        """From the base to a link, both included."""
+        """Indices of the links from the base to a link, both included."""
         path = [link]
         while path[-1]:
             path.append(self.links[path[-1]].parent)
@@ -111,16 +115,23 @@ class LinkTree:
 def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int) -> Link | None:
     """The link of a joint with fixed axes; None if the joint has no compiled equations.
 
-    Its coordinates begin at index q of the model's q, its rates at index v.
+    Args:
+        parent: Index of the parent.
+        placement: Placement of the joint's frame in the parent's frame.
+        joint: The joint.
+        q: Index of its first coordinate in the model's q.
+        v: Index of its first rate.
     """
     short = joint.shortname().removeprefix("JointModel")
     kind = _KINDS.get(short, "")
-    # The twists S of the joint, which are constant, by Pinocchio at neutral coordinates. It reads
-    # them from `idx_q` on.
+
+    # The twists S are constant, so Pinocchio evaluates the joint at neutral coordinates. In the
+    # vector that it gets, the coordinates of the joint begin at `idx_q`.
     data = joint.createData()
     neutral = _NEUTRAL.get(kind, [0.0])
     joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), neutral]))
     S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
+
     if short == "Mimic":
         # q = factor times q of the other joint + offset. S has the factor; the placement gets the
         # offset, so that the link has the other joint's coordinate and rate.
@@ -133,7 +144,7 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
         R=clean(placement.rotation),
         p=clean(placement.translation),
         kind=kind,
-        q=range(q, q + (joint.nq or 1)),  # a mimic joint has none, and reads that of the other
+        q=range(q, q + (joint.nq or 1)),  # a mimic joint has nq = 0 and reads one of the other
         v=range(v, v + S.shape[1]),
         S=clean(S),
     )
@@ -142,7 +153,8 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
 def clean(a: Array) -> Array:
     """Round numbers near 0, 1 and -1 to these, so that products with them need no operation.
 
-    Numbers of placements that should be these differ from them by at most two roundings of 1.
+    The threshold is two roundings of 1. Numbers of placements that should be 0, 1 or -1 differ from
+    these by no more.
     """
     a = np.array(a, dtype=float)
     for whole in (-1.0, 0.0, 1.0):

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small helpers for CasADi's symbols: sparse vectors, symmetric factors, inverse trigonometry."""
+"""Small helpers for CasADi's symbols: sparse vectors, symmetric factors, inverse trigonometry.
+
+A number that CasADi knows to be zero takes no operation. So zeros are left out wherever possible.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -15,7 +18,7 @@ Sparse = dict[int, Any]
 
 
 def sx(a: Array) -> SX:
-    """Numbers as symbols, zeros left out."""
+    """An array of numbers as a matrix of CasADi, zeros left out."""
     return ca.sparsify(SX(ca.DM(clean(a))))
 
 
@@ -41,7 +44,7 @@ def column(x: Mapping[int, Any], indices: Iterable[int]) -> SX:
 
 
 def symmetric(upper: Mapping[tuple[int, int], Any], size: int) -> SX:
-    """A matrix by its upper triangle."""
+    """A symmetric matrix from the entries of its upper triangle, by row and column."""
     matrix = SX(size, size)
     for (i, j), entry in upper.items():
         matrix[i, j] = matrix[j, i] = entry
@@ -54,17 +57,25 @@ def row_by_row(*matrices: SX) -> SX:
 
 
 class SymmetricFactors:
-    """A symmetric matrix A of full rank, factorised: P^T A P = L D L^T."""
+    """A symmetric matrix A of full rank, factorised: P^T A P = L D L^T.
+
+    P is a permutation that keeps L sparse: row i of P^T A P is row `order[i]` of A. L is lower
+    triangular with ones on its diagonal, D is diagonal.
+
+    Attributes:
+        D: The diagonal of D.
+        LT: L^T without its diagonal.
+        order: The row of A for each row of L.
+        diagonal: The entries A[k, k].
+        inverses: One over the pivot, the entry of D, for row k of A.
+    """
 
     def __init__(self, A: SX) -> None:
-        #: The diagonal of D, L^T above its unit diagonal, and the row of A for each row of L.
         self.D, self.LT, self.order = ca.ldl(ca.sparsify(A), True)
-        #: The entries A[k, k].
         self.diagonal = [A[k, k] for k in range(A.shape[0])]
         inverse_of_row = {}
         for row, pivot in zip(self.order, ca.vertsplit(self.D), strict=True):
             inverse_of_row[row] = 1 / pivot
-        #: One over the pivot (entry of D) of row k of A.
         self.inverses = [inverse_of_row[k] for k in range(A.shape[0])]
 
     def solve(self, b: SX) -> SX:
@@ -81,8 +92,8 @@ class SymmetricFactors:
 def rotation_vector(quaternion: SX) -> SX:
     """Rotation vector of a unit quaternion (x, y, z, w), at most half a turn long.
 
-    The quaternion of the rotation vector 2 a u, u a unit vector, is (sin(a) u, cos(a)). Its
-    opposite is the same rotation; that with w >= 0 has a <= pi / 2.
+    The quaternion of the rotation vector 2 a u, with a unit vector u, is (sin(a) u, cos(a)). The
+    opposite quaternion is the same rotation. The one of both with w >= 0 has a <= pi / 2.
     """
     vector = quaternion[:3]
     w = quaternion[3]
@@ -103,8 +114,8 @@ def _sign(x: Any) -> Any:
     return 2 * (x >= 0) - 1
 
 
-#: Coefficients of asin(s) / s as a series of s^2. For s up to sin(pi / 16) they suffice for
-#: rounding.
+#: Coefficients of asin(s) / s as a series of s^2. For s up to sin(pi / 16) the terms left out are
+#: below rounding.
 _ARCSINE = [1.0]
 for _k in range(1, 11):
     _ARCSINE.append(_ARCSINE[-1] * (2 * _k - 1) ** 2 / (2 * _k * (2 * _k + 1)))
@@ -119,12 +130,13 @@ def _angle_over_sine(cosine: Any) -> Any:
 
     and y / sin(y) is the series of the arcsine at s = sin(y).
     """
-    cosines = 1
+    cosines = 1  # cos(x / 2) cos(x / 4) cos(x / 8)
     for _ in range(3):
-        sine_squared = (1 - cosine) / 2  # of half the angle
-        cosine = ca.sqrt((1 + cosine) / 2)  # of half the angle
+        # Half the angle: sin^2(x / 2) = (1 - cos(x)) / 2, cos^2(x / 2) = (1 + cos(x)) / 2.
+        sine_squared = (1 - cosine) / 2
+        cosine = ca.sqrt((1 + cosine) / 2)
         cosines *= cosine
     series = 0
     for coefficient in reversed(_ARCSINE):
-        series = series * sine_squared + coefficient
+        series = series * sine_squared + coefficient  # of sin^2(x / 8)
     return series / cosines
