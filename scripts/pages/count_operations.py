@@ -103,7 +103,7 @@ def accelerations_multipliers(e: Equations) -> ca.SX:
     nv = e.mechanism.model.nv
     rows = list(_independent(e))
     system: list[dict[int, Any]] = [{} for _ in range(nv + len(rows))]
-    for (i, j), entry in e.tree.composed({}).items():
+    for (i, j), entry in e.tree.composite_inertia({}).items():
         system[i][j] = system[j][i] = entry
     for k, (row, _) in enumerate(rows, start=nv):
         for j, entry in row.items():

@@ -31,7 +31,7 @@ from casadi import SX
 from .link_kinematics import Kinematics
 from .links import LinkTree
 from .symbols import Sparse, SymmetricFactors, column, sx
-from .tree_dynamics import RigidBody, TreeDynamics
+from .tree_dynamics import SpatialInertia, TreeDynamics
 
 
 class Group(NamedTuple):
@@ -122,7 +122,7 @@ class _LinkInertia(NamedTuple):
     """The inertia A = rigid - moving of a link with all that hangs on it, in its frame."""
 
     #: The inertia if the joints of the groups that hang on it were fixed.
-    rigid: RigidBody
+    rigid: SpatialInertia
     #: The sum of F D^-1 F^T of these groups.
     moving: SX
 
@@ -162,10 +162,10 @@ class ArticulatedBodies:
         self.inverses: list[Any] = [SX(0)] * len(L)
         #: From the tips to the ground.
         self._eliminations = list[_Elimination]()
-        inertias = [_LinkInertia(body, SX(6, 6)) for body in dynamics.rigid_bodies]
+        inertias = [_LinkInertia(body, SX(6, 6)) for body in dynamics.link_inertias]
         for group in hanging:
             columns = [L[k] for k in group.coordinates]
-            of_rotors = dynamics.inertia_of_joints(columns)
+            of_rotors = dynamics.inertia_of_rotors_and_lines(columns)
             elimination = self._eliminated(group, columns, of_rotors, inertias)
             self._eliminations.append(elimination)
             for place, k in enumerate(group.coordinates):

@@ -483,7 +483,7 @@ class Equations:
             forces = (self.tree.forces({}, x, loads=False, weight=False) for x in self.L)
             ML = ca.horzcat(*(column(x, self._rates) for x in forces))
         else:
-            ML = symmetric(self.tree.composed(self._following), len(self._rates)) @ L
+            ML = symmetric(self.tree.composite_inertia(self._following), len(self._rates)) @ L
         return ca.triu2symm(ca.triu(L.T @ ML))
 
     @property
@@ -512,7 +512,7 @@ class Equations:
     def _following(self) -> dict[int, dict[int, Sparse]]:
         """Rows of L of the dependent rates, by the link that their loops hang on.
 
-        `TreeDynamics.composed` needs them so.
+        `TreeDynamics.composite_inertia` needs them so.
         """
         links = self.kinematics.tree.links
         following: dict[int, dict[int, Sparse]] = {}
@@ -524,7 +524,7 @@ class Equations:
             # It hangs on the deepest link before all of them. Parents have smaller numbers.
             before = [set(self.kinematics.tree.ancestors(link.parent)) for link in loop]
             hangs_on = max(set.intersection(*before))
-            # `composed` stops before the world, link 0: its loops need no entry.
+            # `composite_inertia` stops before the world, link 0: its loops need no entry.
             if hangs_on != 0:
                 following.setdefault(hangs_on, {})[rate] = row
         return following

@@ -212,7 +212,7 @@ def _forces_with_closures(
     power = -SX(total(x * velocity for x, velocity in zip(Lambda, velocities, strict=True)))
     on_links = {i: ca.gradient(power, twist) for i, twist in twists.items()}
     on_joints = {i: ca.gradient(power, rate) for i, rate in v.items()}
-    forces = e.tree.forces(v, v_dot, reactions=on_links)
+    forces = e.tree.forces(v, v_dot, additional=on_links)
     forces = add(forces, {i: x for i, x in on_joints.items() if not is_zero(x)})
     return add(forces, add(e.tree.friction(v), e.tree.springs(v)))
 

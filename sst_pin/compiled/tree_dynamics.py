@@ -1,12 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces and mass matrix of the tree without closures, on CasADi's symbols.
 
-A body with the first moment c and the second moments J (the integral of r r^T) about its origin
-needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
+`TreeDynamics` computes the forces along the rates of the tree that a motion *needs*: what motors
+and closures have to supply. So a spring, for instance, contributes the opposite of the force that
+it exerts.
+
+A point of a link at r from its origin has the acceleration a + U r (see `link_kinematics`). So a
+body with the mass m, the first moment c (the integral of r dm) and the second moments J (the
+integral of r r^T dm) needs the force and the moment about the origin
+
+    m a + U c,   c x a + 2 axial(U J),
+
+Eqs. (63)-(68). The axial vector of a matrix A is that of its skew part (A - A^T) / 2.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,15 +32,18 @@ from .symbols import Sparse, add, is_zero, sx
 
 
 class Body(NamedTuple):
-    """A rigid body, or several bodies welded together, in the frame of a link."""
+    """A rigid body, or several bodies welded together, in the frame of a link.
+
+    The defaults are those of a link without a body.
+    """
 
     mass: SX = SX(1, 1)
-    #: First moment.
+    #: First moment, the integral of r dm.
     c: SX = SX(3, 1)
-    #: Second moments, the integral of r r^T.
+    #: Second moments, the integral of r r^T dm.
     J: SX = SX(3, 3)
-    #: Sum of m r^2 of the bodies that are welded together, with the distance r of a body's mass
-    #: centre from the origin.
+    #: The sum of m r^2 over the bodies that are welded together, with the distance r of the mass
+    #: centre of each body from the origin. `TreeDynamics.coriolis_forces` needs it.
     polar: SX = SX(1, 1)
 
     @property
@@ -40,11 +51,14 @@ class Body(NamedTuple):
         """Inertia about the origin."""
         return ca.trace(self.J) * SX.eye(3) - self.J
 
-    def moved(self, R: SX, p: SX) -> "Body":
-        """In a frame in which the one before has the orientation R and the origin p."""
-        c = R @ self.c
-        J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
-        c += self.mass * p
+    def transformed(self, R: SX, p: SX) -> "Body":
+        """A single body in another frame, in which its frame has the orientation R and origin p.
+
+        A point r of the body is at R r + p there.
+        """
+        Rc = R @ self.c
+        c = Rc + self.mass * p
+        J = R @ self.J @ R.T + Rc @ p.T + p @ Rc.T + self.mass * p @ p.T
         return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
 
     def welded_to(self, other: "Body") -> "Body":
@@ -57,41 +71,50 @@ class Body(NamedTuple):
         )
 
 
-class RigidBody(NamedTuple):
-    """Inertia of a link with all that is rigidly joined to it, in the frame of the link."""
+class SpatialInertia(NamedTuple):
+    """Spatial inertia, a symmetric 6 x 6 matrix, of one or more bodies in the frame of a link."""
 
     mass: SX
-    #: First moment.
+    #: First moment, the integral of r dm.
     c: SX
     #: Inertia about the origin.
     inertia: SX
 
     def momentum(self, twist: SX) -> SX:
-        """The inertia times a twist [linear; angular]: [force; moment]."""
-        u, turn = twist[:3], twist[3:]
+        """The spatial inertia times a twist [u; omega], in the form [force; moment]."""
+        u, omega = twist[:3], twist[3:]
         return ca.vertcat(
-            self.mass * u + ca.cross(turn, self.c), self.inertia @ turn + ca.cross(self.c, u)
+            self.mass * u + ca.cross(omega, self.c), self.inertia @ omega + ca.cross(self.c, u)
         )
 
-    def joined_to(self, parent: "RigidBody", R: SX, p: SX) -> "RigidBody":
-        """The parent with this body, in whose frame this one has the orientation R and origin p."""
+    def joined_to(self, parent: "SpatialInertia", R: SX, p: SX) -> "SpatialInertia":
+        """The sum of the parent's inertia and this one, in the frame of the parent.
+
+        The frame of this inertia has the orientation R and the origin p in the parent's frame. A
+        point r is at R r + p there. With c = R times the first moment, the inertia about the
+        parent's origin gets the term
+
+            (2 c + m p) . p E - (c p^T + p c^T + m p p^T),
+
+        which is 2 (h . p) E - (h p^T + p h^T) with h = c + m p / 2.
+        """
         c = R @ self.c
-        middle = c + self.mass * p / 2
-        inertia = R @ self.inertia @ R.T - middle @ p.T - p @ middle.T
-        inertia += ca.dot(2 * p, middle) * SX.eye(3)
-        return RigidBody(
-            parent.mass + self.mass,
-            parent.c + c + self.mass * p,
-            parent.inertia + ca.triu2symm(ca.triu(inertia)),
+        h = c + self.mass * p / 2
+        inertia = R @ self.inertia @ R.T - h @ p.T - p @ h.T
+        inertia += ca.dot(2 * p, h) * SX.eye(3)
+        return SpatialInertia(
+            mass=parent.mass + self.mass,
+            c=parent.c + c + self.mass * p,
+            inertia=parent.inertia + ca.triu2symm(ca.triu(inertia)),
         )
 
 
 class Line(NamedTuple):
-    """A line along which a force acts."""
+    """A line between two frames along which a force acts."""
 
     length: SX
-    #: Its rate per rate of the tree, with its second derivative.
-    motion: Row
+    #: A row whose Phi v is the rate of the length.
+    row_of_length: Row
     stiffness: SX
     rest: SX
     damping: SX
@@ -99,32 +122,56 @@ class Line(NamedTuple):
 
     @property
     def row(self) -> Sparse:
-        """Its rate per rate of the tree."""
-        return self.motion.Phi
+        """The rate of the length at a unit of each rate of the tree, by rate."""
+        return self.row_of_length.Phi
 
 
-@dataclass(eq=False)
 class TreeDynamics:
-    """Dynamics of a tree, the arguments as in `Equations`."""
+    """Dynamics of a tree.
 
-    _mechanism: Mechanism
-    _kinematics: Kinematics
-    _parameters: SymbolicParameters
-    _p: SX
-    _loads: SX
-    _smooth: bool
-    _welded: bool
+    A *pull* is a force along a line that draws its ends together. Lists of pulls have an entry for
+    each line.
+
+    Args:
+        mechanism: The mechanism.
+        kinematics: The motion of its links.
+        parameters: The order of the symbolic parameters.
+        p: Symbols of the parameters.
+        loads: Symbols of external wrenches, as in `Equations`; empty without loads.
+        smooth: Whether Coulomb friction is tanh(v / sign_width) instead of the sign.
+        welded: Whether bodies that closures weld together are computed as one.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        kinematics: Kinematics,
+        parameters: SymbolicParameters,
+        p: SX,
+        loads: SX,
+        smooth: bool,
+        welded: bool,
+    ) -> None:
+        self._mechanism = mechanism
+        self._kinematics = kinematics
+        self._parameters = parameters
+        self._p = p
+        self._loads = loads
+        self._smooth = smooth
+        self._welded = welded
+
+    # --- bodies -----------------------------------------------------------------------------------
 
     @cached_property
     def _bodies(self) -> list[Body]:
-        """Bodies of Pinocchio's joints; the first of several welded ones has all their inertia."""
+        """Bodies by Pinocchio's joints. Of bodies that are welded together one has all inertia."""
         bodies = self._single_bodies()
         if self._welded:
             self._weld(bodies)
         return bodies
 
     def _single_bodies(self) -> list[Body]:
-        """The body of each of Pinocchio's joints by itself."""
+        """The body of each of Pinocchio's joints by itself; index 0 is the ground, without mass."""
         model = self._mechanism.model
         bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
@@ -135,7 +182,10 @@ class TreeDynamics:
         return bodies
 
     def _weld(self, bodies: list[Body]) -> None:
-        """Move the inertia of bodies that closures weld to others to these, in place."""
+        """Change `bodies`: for each closure that welds a body j to a body i, body i gets both.
+
+        A body that is welded to the ground, i = 0, stays by itself.
+        """
         model = self._mechanism.model
         for closure in self._mechanism.closures:
             if not (isinstance(closure, Closure) and all(closure.held)):
@@ -145,11 +195,13 @@ class TreeDynamics:
             i = a.parentJoint
             j = b.parentJoint
             if i and not is_zero(bodies[j].mass):
-                # Body j in the frame of body i: both closure frames are the same.
+                # Body j in the frame of body i, because both closure frames coincide.
                 R = sx(a.placement.rotation @ b.placement.rotation.T)
                 p = sx(a.placement.translation) - R @ sx(b.placement.translation)
-                bodies[i] = bodies[j].moved(R, p).welded_to(bodies[i])
+                bodies[i] = bodies[j].transformed(R, p).welded_to(bodies[i])
                 bodies[j] = Body()
+
+    # --- Newton and Euler -------------------------------------------------------------------------
 
     def forces(
         self,
@@ -158,11 +210,19 @@ class TreeDynamics:
         *,
         loads: bool = True,
         weight: bool = True,
-        reactions: Mapping[int, SX] | None = None,
+        additional: Mapping[int, SX] | None = None,
     ) -> Sparse:
-        """tau by Newton and Euler without friction and springs; closures take `reactions`."""
+        """Forces along the rates by Newton and Euler, without friction and springs.
+
+        Args:
+            v: Rates of the tree.
+            dv: Accelerations of the tree.
+            loads: Whether the external wrenches act.
+            weight: Whether gravity acts.
+            additional: Wrenches that links need besides, by link.
+        """
         wrenches = self.wrenches(v, dv, loads=loads, weight=weight)
-        for i, wrench in (reactions or {}).items():
+        for i, wrench in (additional or {}).items():
             wrenches[i] = wrenches[i] + wrench
         forces = add(self._kinematics.joint_forces(wrenches), self._rotors(dv))
         return add(forces, self.along_lines(self.inertial_pulls(v, dv)))
@@ -170,15 +230,23 @@ class TreeDynamics:
     def wrenches(
         self, v: Sparse, dv: Sparse, *, loads: bool = True, weight: bool = True
     ) -> list[SX]:
-        """Force and moment that each link needs, less its weight and its load."""
+        """The wrench that each link needs from joints and closures.
+
+        It is [force; moment] about the origin of the link, in its axes: what the acceleration of
+        the link needs, less the weight and the external wrench, which act on the link anyway.
+        """
         gravity = self._p[GRAVITY] if weight else None
         wrenches = list[SX]()
+        # With gravity, the accelerations a contain -g, so that m a contains the opposite weight.
         motions = self._kinematics.motions(v, dv, gravity)
-        for link, x in zip(self._kinematics.tree.links, motions, strict=True):
+        for link, motion in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, J, _ = self._bodies[link.body]
-            wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
-            if weight and link.body in self._lifted:
-                wrench = wrench - self._lift(link.body)
+            force = mass * motion.a + motion.U @ c
+            moment = _moment(motion, J) + ca.cross(c, motion.a)
+            wrench = ca.vertcat(force, moment)
+            if weight and link.body in self._weightless:
+                # Nothing has to carry the weight of the weightless part.
+                wrench = wrench + self._weight_of_weightless(link.body)
             if loads and link.body and self._loads.numel():
                 wrench = wrench - self._load(link.body)
             wrenches.append(wrench)
@@ -190,20 +258,28 @@ class TreeDynamics:
         return {i: x * dv[i] for i, x in armature.items() if i in dv}
 
     def _load(self, body: int) -> SX:
-        """External force and moment about the origin of a link, axes of the link."""
-        force, moment = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
+        """External force and moment about the origin of a link, axes of the link.
+
+        The symbols are about the mass centre of the body, in base axes.
+        """
+        first = 6 * (body - 1)  # the ground has no load
+        force, moment = ca.vertsplit(self._loads[first : first + 6], 3)
         R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
         numbers = self._parameters.body(self._p, body)
         force = R.T @ force
-        lever = sx(self._mechanism.model.inertias[body].lever)
+        center = sx(self._mechanism.model.inertias[body].lever)
         if numbers is not None:
-            lever = numbers[1] / numbers[0]
-        return ca.vertcat(force, R.T @ moment + ca.cross(lever, force))
+            mass, c, _ = numbers
+            center = c / mass
+        return ca.vertcat(force, R.T @ moment + ca.cross(center, force))
 
     @cached_property
-    def _lifted(self) -> dict[int, tuple[SX, SX]]:
-        """Mass and first moment without weight, by the numbers of Pinocchio's joints."""
-        lifted = dict[int, tuple[SX, SX]]()
+    def _weightless(self) -> dict[int, tuple[SX, SX]]:
+        """Mass and first moment of the weightless part of bodies, by Pinocchio's joints.
+
+        Bodies that have their whole weight are left out.
+        """
+        weightless = dict[int, tuple[SX, SX]]()
         weight_shares = self._mechanism.weight_shares
         if weight_shares is not None:
             for body in weight_shares.bodies:
@@ -211,70 +287,81 @@ class TreeDynamics:
                 if numbers is not None:
                     mass, c, _ = numbers
                     W = sx(weight_shares.weightless_factor(body))
-                    without_weight = W @ ca.vertcat(mass, c)
-                    lifted[body + 1] = without_weight[0], without_weight[1:]
-        return lifted
+                    part = W @ ca.vertcat(mass, c)
+                    weightless[body + 1] = part[0], part[1:]
+        return weightless
 
-    def _lift(self, body: int) -> SX:
-        """Force and moment that carry what a link does not have of its weight, axes of the link."""
-        mass, c = self._lifted[body]
+    def _weight_of_weightless(self, body: int) -> SX:
+        """The weight that the weightless part of a body would have.
+
+        It is [force; moment] about the origin of the link, in its axes.
+        """
+        mass, c = self._weightless[body]
         R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
         g = R.T @ self._p[GRAVITY]
-        return -ca.vertcat(mass * g, ca.cross(c, g))
+        return ca.vertcat(mass * g, ca.cross(c, g))
+
+    # --- friction, springs and lines --------------------------------------------------------------
 
     def friction(self, v: Sparse) -> Sparse:
-        """Forces that friction of joints and along lines needs."""
+        """Forces that friction of joints and along lines needs, dampers of lines included."""
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
         signs = {i: self._sign(x) for i, x in v.items()}
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
         tau = add(tau, {i: F * signs[i] for i, F in coulomb.items() if i in v})
-        of_dampers = self._where_taut(self._damping(v), v)
-        of_lines = _sums(of_dampers, self._rubbing(v))
+        of_dampers = self._where_taut(self._damper_pulls(v), v)
+        of_lines = _sums(of_dampers, self._friction_pulls(v))
         return add(tau, self.along_lines(of_lines))
 
     def _sign(self, rate: Any) -> Any:
-        """The sign of a rate in Coulomb friction."""
+        """The sign of a rate, or its smooth approximation, for Coulomb friction."""
         return ca.tanh(rate / self._p[SIGN_WIDTH]) if self._smooth else ca.sign(rate)
 
     def springs(self, v: Sparse) -> Sparse:
-        """Forces that springs need, those along lines among them; cables may be slack at v."""
+        """Forces that springs of joints and of lines need.
+
+        The rates v determine which cables are slack.
+        """
         stiffness = self._parameters.of_joints("stiffness", self._p)
         rest = self._parameters.of_joints("spring_reference", self._p)
-        moves = self._kinematics.difference(rest)
-        tau = {k: c * moves[k] for k, c in stiffness.items()}
-        return add(tau, self.along_lines(self._where_taut(self._tensions, v)))
+        deflections = self._kinematics.difference(rest)
+        tau = {k: factor * deflections[k] for k, factor in stiffness.items()}
+        return add(tau, self.along_lines(self._where_taut(self._spring_pulls, v)))
 
     def pulls(self, v: Sparse) -> list[Any]:
-        """Tension of each line, without motors."""
-        of_springs_and_dampers = _sums(self._tensions, self._damping(v))
-        return _sums(self._where_taut(of_springs_and_dampers, v), self._rubbing(v))
+        """Pull along each line by its spring, damper and dry friction, without motors."""
+        of_springs_and_dampers = _sums(self._spring_pulls, self._damper_pulls(v))
+        return _sums(self._where_taut(of_springs_and_dampers, v), self._friction_pulls(v))
 
     def _where_taut(self, pulls: list[Any], v: Sparse) -> list[Any]:
-        """Pulls along the lines, but zero along slack cables."""
+        """The pulls, with zero for slack cables.
+
+        A cable is a line that only pulls. It is slack if its spring and its damper would push.
+        """
         forces = self._mechanism.lines.forces
-        tensions = self._tensions
-        damping = self._damping(v)
+        spring_pulls = self._spring_pulls
+        damper_pulls = self._damper_pulls(v)
         result = []
         for k, pull in enumerate(pulls):
             if forces[k].pulls_only:
-                is_slack = tensions[k] + damping[k] <= 0  # 1 or 0
+                is_slack = spring_pulls[k] + damper_pulls[k] <= 0  # 1 or 0
                 result.append((1 - is_slack) * pull)
             else:
                 result.append(pull)
         return result
 
     @property
-    def _tensions(self) -> list[Any]:
+    def _spring_pulls(self) -> list[Any]:
         """Pull of the spring and the preload along each line."""
-        return [x.preload + x.stiffness * (x.length - x.rest) for x in self.lines]
+        return [line.preload + line.stiffness * (line.length - line.rest) for line in self.lines]
 
-    def _damping(self, v: Sparse) -> list[Any]:
+    def _damper_pulls(self, v: Sparse) -> list[Any]:
         """Pull of the damper along each line."""
         rates = self._line_rates(v)
-        return [x.damping * rate for x, rate in zip(self.lines, rates, strict=True)]
+        return [line.damping * rate for line, rate in zip(self.lines, rates, strict=True)]
 
-    def _rubbing(self, v: Sparse) -> list[Any]:
+    def _friction_pulls(self, v: Sparse) -> list[Any]:
         """Pull of dry friction along each line."""
         pulls: list[Any] = [SX(0)] * len(self.lines)
         rates = self._line_rates(v)
@@ -284,21 +371,26 @@ class TreeDynamics:
 
     def _line_rates(self, v: Sparse) -> list[Any]:
         """Rate of the length of each line."""
-        return [total(entry * v[i] for i, entry in x.row.items() if i in v) for x in self.lines]
+        return [
+            total(entry * v[i] for i, entry in line.row.items() if i in v) for line in self.lines
+        ]
 
     def inertial_pulls(self, v: Sparse, dv: Sparse) -> list[Any]:
-        """Pull along each line that its mass needs."""
+        """Mass times second derivative of the length, for each line that has a mass.
+
+        Such a mass moves with the length of the line, as the oil of a cylinder does.
+        """
         pulls: list[Any] = [SX(0)] * len(self.lines)
         for k, mass in self._parameters.line_masses(self._p).items():
-            pulls[k] = mass * self.lines[k].motion.acceleration(v, dv)
+            pulls[k] = mass * self.lines[k].row_of_length.acceleration(v, dv)
         return pulls
 
     def along_lines(self, pulls: Iterable[Any]) -> Sparse:
-        """Forces along the rates that pulls along the lines need."""
+        """Forces along the rates that the pulls need: the sum of each line's row times its pull."""
         tau: Sparse = {}
-        for x, pull in zip(self.lines, pulls, strict=True):
+        for line, pull in zip(self.lines, pulls, strict=True):
             if not is_zero(pull):
-                tau = add(tau, {i: entry * pull for i, entry in x.row.items()})
+                tau = add(tau, {i: entry * pull for i, entry in line.row.items()})
         return tau
 
     @cached_property
@@ -306,9 +398,14 @@ class TreeDynamics:
         """All lines along which forces act."""
         model = self._mechanism.model
         forces = self._mechanism.lines.forces
-        places = (length_and_row(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
         numbers = self._parameters.of_lines(self._p)
-        return [Line(*place, *of_line) for place, of_line in zip(places, numbers, strict=True)]
+        lines = []
+        for force, (stiffness, rest, damping, preload) in zip(forces, numbers, strict=True):
+            length, row = length_and_row(self._kinematics, model, force.frame_a, force.frame_b)
+            lines.append(Line(length, row, stiffness, rest, damping, preload))
+        return lines
+
+    # --- energy -----------------------------------------------------------------------------------
 
     def kinetic_energy(self, v: Sparse) -> Any:
         """Kinetic energy of all bodies and rotors."""
@@ -329,27 +426,32 @@ class TreeDynamics:
             body = self._bodies[link.body]
             R, p = self._kinematics.pose(0, i)
             energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
-            if link.body in self._lifted:
-                mass, c = self._lifted[link.body]
+            if link.body in self._weightless:
+                mass, c = self._weightless[link.body]
                 energies.append(ca.dot(gravity, mass * p + R @ c))
         rest = self._parameters.of_joints("spring_reference", self._p)
-        moves = self._kinematics.difference(rest)
+        deflections = self._kinematics.difference(rest)
         stiffness = self._parameters.of_joints("stiffness", self._p)
-        energies += [c * moves[k] ** 2 / 2 for k, c in stiffness.items()]
-        for x, force in zip(self.lines, self._mechanism.lines.forces, strict=True):
-            stretch = x.length - x.rest
+        energies += [factor * deflections[k] ** 2 / 2 for k, factor in stiffness.items()]
+        for line, force in zip(self.lines, self._mechanism.lines.forces, strict=True):
+            stretch = line.length - line.rest
             if force.pulls_only and force.stiffness:
-                slack = x.preload + x.stiffness * stretch <= 0
-                stretch = stretch - slack * (stretch + x.preload / x.stiffness)
-            energies.append(x.stiffness * stretch**2 / 2 + x.preload * stretch)
+                # A slack cable has the energy of the stretch -preload / stiffness, at which its
+                # pull becomes zero.
+                is_slack = line.preload + line.stiffness * stretch <= 0  # 1 or 0
+                stretch = stretch - is_slack * (stretch + line.preload / line.stiffness)
+            energies.append(line.stiffness * stretch**2 / 2 + line.preload * stretch)
         return total(energies)
+
+    # --- inertia ----------------------------------------------------------------------------------
 
     @cached_property
     def whole_inertia(self) -> Any:
-        """Inertia of all bodies and rotors, as `dynamics.whole_inertia`."""
+        """The size of the whole robot's inertia, [kg m^2]: `dynamics.whole_inertia` on symbols."""
         length = self._mechanism.length
         scale = self._mechanism.rate_scale
         bodies = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
+        # The trace of a body's inertia about the origin is 2 trace(J).
         terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, bodies)]
         rotors = self._parameters.of_joints("armature", self._p)
         on_lines = [x * length**2 for x in self._parameters.line_masses(self._p).values()]
@@ -358,62 +460,61 @@ class TreeDynamics:
     @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
         """Upper triangle of the tree's mass matrix, by pairs of rates."""
-        return self.composed({})
+        return self.composite_inertia({})
 
-    def composed(self, following: Mapping[int, Mapping[int, Sparse]]) -> dict[tuple[int, int], Any]:
-        """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
+    def composite_inertia(
+        self, loops: Mapping[int, Mapping[int, Sparse]]
+    ) -> dict[tuple[int, int], Any]:
+        """Upper triangle of a matrix M with the same L^T M L as the tree's mass matrix.
 
-        From the tips to the ground, each link collects for each rate behind it the wrench that
-        accelerates all moved bodies for a unit of this rate. Its part along the axes of the link is
-        an entry of M.
+        This is the composite-rigid-body algorithm. From the tips to the ground, each link collects
+        two things: the inertia of all that it carries; and for each rate k of these links the
+        wrench that they need for a unit acceleration of k. The entry M_jk for a rate j of the link
+        is the component of this wrench along the axis of j.
+
+        Without `loops`, M is the mass matrix itself. With `loops`, M has fewer entries. The link on
+        which a loop hangs carries the whole loop. A unit rate of the coordinate k gives the
+        dependent rate d of the loop the value L_dk. So at this link the wrench of k gets L_dk times
+        the wrench of d, and the wrench of d is dropped. From there to the ground d has no entries.
 
         Args:
-            following: {i: {d: {k: L_dk}}}, rows of L of dependent rates d, by the link i that
-                their loops hang on. All of such a loop is behind link i. So from there to the
-                ground a unit of the coordinate k moves what d moves by L_dk: the wrench of k takes
-                L_dk times that of d, which is left out. Entries M_dj within the loop stay.
+            loops: {i: {d: {k: L_dk}}}: the rows of L of the dependent rates d, by the link i on
+                which their loops hang.
         """
         links = self._kinematics.tree.links
         placements = self._kinematics.placements
-        composite = self.rigid_bodies
-        forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
+        composites = self.link_inertias
+        wrenches: list[Sparse] = [{} for _ in links]  # by link, then by the rates behind it
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
             link = links[i]
-            behind = dict(forces[i])
-            of_link = Sparse()
-            for rate, row in following.get(i, {}).items():
-                wrench = behind.pop(rate, SX(6, 1))
+            behind = dict(wrenches[i])
+            for d, row in loops.get(i, {}).items():
+                wrench = behind.pop(d, SX(6, 1))
                 behind = add(behind, {k: factor * wrench for k, factor in row.items()})
-
-            # Wrenches that accelerate all that this link carries, by its own rates.
+            of_link = Sparse()  # by the rates of the link itself
             for k, S in zip(link.v, link.S.T, strict=True):
-                of_link[k] = composite[i].momentum(sx(S))
+                of_link[k] = composites[i].momentum(sx(S))
 
-            # Entries of M: the parts of all these wrenches along the axes of this link.
             for j, S in zip(link.v, link.S.T, strict=True):
-                pairs = []
                 for k, wrench in behind.items():
-                    # j = k if a mimic joint is behind the joint that it follows. Then M_kk gets the
-                    # entries of both orders; otherwise the lower triangle has the other one.
-                    times = 2 if j == k else 1
-                    pairs.append((k, wrench, times))
-                pairs += [(k, wrench, 1) for k, wrench in of_link.items() if j <= k]
-                for k, wrench, times in pairs:
-                    value = times * ca.dot(sx(S), wrench)
-                    if not is_zero(value):
-                        pair = min(j, k), max(j, k)
-                        M[pair] = M.get(pair, 0) + value
+                    entry = ca.dot(sx(S), wrench)
+                    # j = k if a mimic joint is behind the joint that it follows, whose rate it has.
+                    # Then M_jk and M_kj both are part of the diagonal entry.
+                    _add_entry(M, j, k, 2 * entry if j == k else entry)
+                for k, wrench in of_link.items():
+                    if j <= k:
+                        _add_entry(M, j, k, ca.dot(sx(S), wrench))
 
-            # The parent carries this link: its wrenches, if it moves, and its inertia.
+            # The parent carries this link. The ground, link 0, needs no wrenches.
             R, p = placements[i]
             if link.parent:
                 for k, wrench in add(behind, of_link).items():
                     force = R @ wrench[:3]
                     moment = R @ wrench[3:] + ca.cross(p, force)
                     at_parent = ca.vertcat(force, moment)
-                    forces[link.parent] = add(forces[link.parent], {k: at_parent})
-            composite[link.parent] = composite[i].joined_to(composite[link.parent], R, p)
+                    wrenches[link.parent] = add(wrenches[link.parent], {k: at_parent})
+            composites[link.parent] = composites[i].joined_to(composites[link.parent], R, p)
 
         # Rotors and masses of lines.
         for k, armature in self._parameters.of_joints("armature", self._p).items():
@@ -427,14 +528,14 @@ class TreeDynamics:
         return M
 
     @property
-    def rigid_bodies(self) -> list[RigidBody]:
-        """Inertia of each link alone."""
+    def link_inertias(self) -> list[SpatialInertia]:
+        """Inertia of each link by itself."""
         bodies = (self._bodies[link.body] for link in self._kinematics.tree.links)
-        return [RigidBody(body.mass, body.c, body.inertia) for body in bodies]
+        return [SpatialInertia(body.mass, body.c, body.inertia) for body in bodies]
 
-    def inertia_of_joints(self, columns: Sequence[Sparse]) -> SX:
+    def inertia_of_rotors_and_lines(self, columns: Sequence[Sparse]) -> SX:
         """L^T M L of the rotors and of the masses of lines alone, for some columns of L."""
-        # Masses, and the rows of their rates in the rates of the tree.
+        # Each mass, and the row that gives its velocity from the rates of the tree.
         masses_and_rows: list[tuple[SX, Sparse]] = []
         for i, armature in self._parameters.of_joints("armature", self._p).items():
             masses_and_rows.append((armature, {i: SX(1)}))
@@ -448,24 +549,38 @@ class TreeDynamics:
         return inertia
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
-        """The term of Eq. (94) that T^T multiplies: M t_dot + Omega M t, t and t_dot of L."""
+        """Forces along the rates of the tree for column k of the Coriolis matrix, Eq. (94).
+
+        The forces are those of the wrenches M T_dot + Omega M T. The force on a body is m a + U c,
+        with a and U for the rates v_k = L (see `LinkMotion`). It acts at the mass centre, which is
+        at r. The moment about the mass centre is I_c alpha + omega x (I_c omega_k) in the paper.
+        For the moment about the origin, the moment of the force is added,
+
+            r x (m a + U c) = c x a + m r x (alpha x r) + m r x (omega_k x (omega x r)),
+
+        where c = m r. The last term is m (r . omega_k) (r x omega). With the inertia about the
+        origin, I = I_c + m (r^2 E - r r^T), the sum is
+
+            c x a + I alpha + omega x ((I - m r^2 E) omega_k).
+
+        Args:
+            v: Rates of the tree.
+            L: Column k of L.
+            L_dot: Column k of L_dot.
+        """
         wrenches = list[SX]()
         motions = self._kinematics.motions(v, L_dot, v_k=L)
-        for link, x in zip(self._kinematics.tree.links, motions, strict=True):
+        for link, motion in zip(self._kinematics.tree.links, motions, strict=True):
             body = self._bodies[link.body]
-            # The paper's term is omega x (I_c omega_k), about the mass centre at r. About the
-            # origin m r x (omega_k x (omega x r)) = m (r . omega_k) (r x omega) is added. With the
-            # inertia I = I_c + m (r^2 E - r r^T), the sum of both is omega x ((I - m r^2 E)
-            # omega_k).
-            inner = body.inertia - body.polar * SX.eye(3)
-            moment = body.inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
-            force = body.mass * x.a + x.U @ body.c
-            wrenches.append(ca.vertcat(force, moment + ca.cross(body.c, x.a)))
+            force = body.mass * motion.a + motion.U @ body.c
+            inner = body.inertia - body.polar * SX.eye(3)  # I - m r^2 E
+            moment = body.inertia @ motion.alpha + ca.cross(motion.omega, inner @ motion.omega_k)
+            wrenches.append(ca.vertcat(force, moment + ca.cross(body.c, motion.a)))
         forces = add(self._kinematics.joint_forces(wrenches), self._rotors(L_dot))
         return add(forces, self.along_lines(self._coriolis_pulls(v, L, L_dot)))
 
     def _coriolis_pulls(self, v: Sparse, L: Sparse, L_dot: Sparse) -> list[Any]:
-        """Masses of lines times J L_dot + J_dot L, with the rates J v of the lengths."""
+        """Masses of lines times row L_dot + row_dot L, where row v is the rate of the length."""
         pulls: list[Any] = [SX(0)] * len(self.lines)
         for k, mass in self._parameters.line_masses(self._p).items():
             row = self.lines[k].row
@@ -478,17 +593,25 @@ class TreeDynamics:
         return pulls
 
 
-def _moment(x: LinkMotion, J: SX) -> SX:
-    """Inertial moment about the origin of a link whose origin does not accelerate.
+def _moment(motion: LinkMotion, J: SX) -> SX:
+    """The part of a body's inertial moment about the origin that does not contain a.
 
-    It is I alpha + omega x (I omega) = 2 axial(U J).
+    It is I alpha + omega x (I omega) = 2 axial(U J), with the inertia I = trace(J) E - J.
     """
-    components = [component for component in ca.vertsplit(x.omega) if not component.is_zero()]
+    omega = motion.omega
+    components = [component for component in ca.vertsplit(omega) if not component.is_zero()]
     if len(components) == 1:  # then the first form takes fewer operations
         inertia = ca.trace(J) * SX.eye(3) - J
-        return inertia @ x.alpha + ca.cross(x.omega, inertia @ x.omega)
-    UJ = x.U @ J
+        return inertia @ motion.alpha + ca.cross(omega, inertia @ omega)
+    UJ = motion.U @ J
     return ca.vertcat(UJ[2, 1] - UJ[1, 2], UJ[0, 2] - UJ[2, 0], UJ[1, 0] - UJ[0, 1])
+
+
+def _add_entry(M: dict[tuple[int, int], Any], j: int, k: int, value: SX) -> None:
+    """Add to the entry of the rates j and k of an upper triangle, unless the value is zero."""
+    if not is_zero(value):
+        pair = min(j, k), max(j, k)
+        M[pair] = M.get(pair, 0) + value
 
 
 def _sums(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
