@@ -161,7 +161,7 @@ class Checks:
         """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
-        return total(part.small(sizes) for part, sizes in parts)
+        return total(part.pivot_check(sizes) for part, sizes in parts)
 
     @property
     def _short_lines(self) -> list[Any]:
@@ -276,7 +276,7 @@ class Checks:
     def _probe_of_rates(self) -> _Probe:
         """The probe of Phi x = b, on the rows of Phi that elimination changes."""
         e = self._equations
-        rows, _ = e.factors.changed  # by elimination
+        rows, _ = e.factors.changed_elements
         unit, s = _random_signs(rows, self._row_scale)
         s_Phi: Sparse = {}  # s^T Phi, by rate
         for i, sign in s.items():
@@ -287,7 +287,7 @@ class Checks:
     def _probe_of_multipliers(self) -> _Probe:
         """The probe of Phi_u^T x = b, on the columns of Phi_u that elimination changes."""
         e = self._equations
-        _, columns = e.factors.changed  # by elimination
+        _, columns = e.factors.changed_elements
         unit, s = _random_signs(columns, self._rate_scale)
         Phi_s: Sparse = {}  # s^T Phi_u^T, by row of Phi
         for i in e.factors.rows:
@@ -376,7 +376,7 @@ class Checks:
         if e.mechanism.driven_one_to_one:
             return []
         factors, sizes = e.motor_factors
-        return [factors.small(sizes)]
+        return [factors.pivot_check(sizes)]
 
     def unsupplied(self, tau: Sparse, f: SX) -> list[Any]:
         """For each coordinate 2 if the motor torques tau do not supply the force f, else 0.
