@@ -15,7 +15,7 @@ The geometry is fixed numbers; `SymbolicParameters` lists the numbers that stay 
 along the rates or the rows are sparse: entries by index, zeros left out (`symbols.Sparse`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -23,26 +23,15 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..arrays import Array, Flags, Indices
+from ..arrays import Array
 from ..errors import ActuationError
-from ..loops.loops import connected
-from ..loops.ranks import independent_rows
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
 from .articulated import ArticulatedBodies, groups
 from .closure_rows import Row, closure_rows
-from .elimination import (
-    Block,
-    Blocks,
-    Factors,
-    Orthogonal,
-    Rows,
-    pivot_order,
-    total,
-    triangular_blocks,
-)
+from .elimination import Blocks, Orthogonal, total
 from .link_kinematics import Kinematics
-from .shared_links import FirstIndices, coupled
+from .loop_factors import LoopFactors, Pivots, orthogonal_factors
 from .symbolic_parameters import GRAVITY, SymbolicParameters
 from .symbols import Sparse, SymmetricFactors, add, column, is_zero, sparse, symmetric
 from .tree_dynamics import TreeDynamics
@@ -61,36 +50,11 @@ _NOT_WHOLE = 40
 Entries = list[tuple[int, int, Any]]
 
 
-class Pivots(NamedTuple):
-    """Phi_u, factorised."""
-
-    factors: Blocks
-    #: For each entry of `factors.parts`, in this order: the largest sizes of its pivots in the
-    #: samples; of an `Orthogonal`, the largest squares.
-    sizes: list[Array]
-    #: |det| of the rows with pivots, free of units; for parts in which all rows count, the product
-    #: of the singular values.
-    determinant: Any
-    #: The largest norm of Phi_u in the samples, scaled.
-    norm: float
-
-
 class RatesOfChange(NamedTuple):
     """How rates x with Phi x = 0 change as Phi changes: the solution of Phi change = right."""
 
     change: Sparse
     right: Sparse
-
-
-class _Part(NamedTuple):
-    """A part of Phi_u, factorised. It shares no row and no rate with other parts."""
-
-    #: Rows of its blocks, by number.
-    entries: Mapping[int, Sparse]
-    #: Its blocks in the order of solution.
-    sequence: Sequence[Block]
-    #: As in `Pivots`, for each block that defines no auxiliary unknown.
-    sizes: list[Array]
 
 
 class Equations:
@@ -174,115 +138,9 @@ class Equations:
 
     @cached_property
     def pivots(self) -> Pivots:
-        """Phi_u in parts that share no row and no rate, and these in blocks of loops."""
-        pattern, values = self._Phi_u_at_samples()
-        entries = dict[int, Sparse]()
-        sequence = list[Block]()
-        sizes = list[Array]()
-        for rows, columns in connected(pattern):
-            independent = self._rows_without_choice(values, rows, columns)
-            if independent:
-                part = self._orthogonal_part(independent, columns)
-            else:
-                # Auxiliary unknowns get indices of rows and columns that nothing has yet.
-                used = len(entries)
-                first_auxiliary = FirstIndices(
-                    row=len(self.rows) + used, column=len(self._rates) + used
-                )
-                part = self._part_by_blocks(pattern, values, rows, columns, first_auxiliary)
-            entries |= part.entries
-            sequence += part.sequence
-            sizes += part.sizes
-        factors = Blocks(entries, sequence)
-        units = self.mechanism.rate_scale[self._dependent]
-        norms = np.linalg.norm(values[:, factors.rows] * units, axis=(1, 2))
-        return Pivots(factors, sizes, self._determinant(factors), float(norms.max(initial=0.0)))
-
-    def _Phi_u_at_samples(self) -> tuple[Flags, Array]:
-        """The entries of Phi_u that may differ from zero, and Phi_u in the samples.
-
-        The scales of the rows are in the values; the units of the columns are not.
-        """
-        Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
-        matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
-        values = self.at_samples(matrix) * self.mechanism.row_scale[:, None]
-        pattern = ca.DM(matrix.sparsity(), 1).full() > 0
-        # Rows that hold nothing, such as a plane's for a planar arm, are rounding.
-        units = self.mechanism.rate_scale[self._dependent]
-        sizes_of_rows = np.abs(values * units).max(axis=(0, 2), initial=0.0)
-        pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
-        return pattern, values
-
-    def _rows_without_choice(
-        self, values: Array, rows: Indices, columns: Indices
-    ) -> dict[int, float]:
-        """Independent rows, with their scales, of a part where no choice of rows always suffices.
-
-        Side by side over all samples, such a part has more independent rows than columns. For
-        another part the result is empty: some of its rows suffice in every sample.
-        """
-        units = self.mechanism.rate_scale[self.mechanism.dependent[columns]]
-        side_by_side = np.hstack(list(values[:, rows][:, :, columns] * units))
-        independent = independent_rows(side_by_side)
-        if len(independent) <= len(columns):
-            return {}
-        return {int(i): float(self.mechanism.row_scale[i]) for i in rows[independent]}
-
-    def _orthogonal_part(self, scale: Mapping[int, float], columns: Indices) -> _Part:
-        """A part of Phi_u in which all rows count: those in `scale`, with their scales."""
-        Phi = [row.Phi for row in self.rows]
-        rates = [self._dependent[k] for k in columns]
-        factors, squares = self._orthogonal(Phi, scale, rates)
-        return _Part({i: Phi[i] for i in scale}, [factors], [squares])
-
-    def _part_by_blocks(
-        self,
-        pattern: Flags,
-        values: Array,
-        rows: Indices,
-        columns: Indices,
-        first_auxiliary: FirstIndices,
-    ) -> _Part:
-        """A part of Phi_u in which elimination chooses rows, block by block.
-
-        `first_auxiliary` are the indices of the first auxiliary unknown, if it gets any.
-        """
-        Phi = [row.Phi for row in self.rows]
-        pattern_of_part = pattern[np.ix_(rows, columns)]
-        values_of_part = values[:, rows][:, :, columns]
-        blocks = list[Factors]()
-        sizes = list[Array]()
-        for order, scaled_sizes in _pivots_by_blocks(pattern_of_part, values_of_part):
-            chosen = rows[[i for i, _ in order]]
-            rates = [self._dependent[columns[k]] for _, k in order]
-            blocks.append(Factors(Phi, list(zip(chosen.tolist(), rates, strict=True))))
-            # The scale of a row is a factor of its pivot in the samples. Phi has no scales.
-            sizes.append(scaled_sizes / self.mechanism.row_scale[chosen])
-        # `coupled` puts definitions of auxiliary unknowns between the blocks and keeps their order.
-        entries, sequence = coupled(self.kinematics, self.rows, blocks, first_auxiliary)
-        return _Part(entries, sequence, sizes)
-
-    def _determinant(self, factors: Blocks) -> Any:
-        """det Phi_u, up to its sign: pivots times scales of the rows times units of the columns.
-
-        The pivots of an orthogonal part contain the scales of its rows.
-        """
-        determinant = SX(float(np.prod(self.mechanism.rate_scale[self._dependent])))
-        for part in factors.parts:
-            if isinstance(part, Factors):
-                determinant *= float(np.prod(self.mechanism.row_scale[part.rows]))
-        for part in factors.parts:
-            for pivot in part.pivots:
-                determinant *= pivot
-        return determinant
-
-    def _orthogonal(
-        self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]
-    ) -> tuple[Orthogonal, Array]:
-        """Factors of a matrix with all of these rows, and the largest squares in the samples."""
-        factors = Orthogonal(rows, scale, columns)
-        squares = self.at_samples(ca.vertcat(*map(SX, factors.squares)))
-        return factors, squares[..., 0].max(axis=0)
+        """Phi_u, factorised, and what the samples say about its pivots."""
+        loops = LoopFactors(self.mechanism, self.kinematics, self.rows, self.at_samples)
+        return loops.pivots()
 
     @property
     def factors(self) -> Blocks:
@@ -465,7 +323,8 @@ class Equations:
             for k, entry in row.items():
                 rows_of_transpose[k][i] = entry
         scale = dict.fromkeys(motors, 1.0)
-        return self._orthogonal(rows_of_transpose, scale, range(len(self._coordinates)))
+        columns = range(len(self._coordinates))
+        return orthogonal_factors(rows_of_transpose, scale, columns, self.at_samples)
 
     def smallest_torques(self, f: SX) -> Sparse:
         """The smallest torques tau with L^T B tau = f, by motor, refined once against rounding."""
@@ -572,21 +431,3 @@ class Equations:
         results = ca.vertcat(factors.solve(b), *factors.inverses, *factors.diagonal)
         # Kernels merge equal expressions (cse) too.
         return ca.Function("count", [self.q, self.p, b], [results], {"cse": True}).n_instructions()
-
-
-def _pivots_by_blocks(
-    pattern: Flags, values: Array
-) -> Iterator[tuple[list[tuple[int, int]], Array]]:
-    """As `pivot_order`, for each block of the rows that have pivots."""
-    order, sizes = pivot_order(pattern, values)
-    rows = np.array([i for i, _ in order])
-    columns = np.array([j for _, j in order])
-    blocks = triangular_blocks(pattern[np.ix_(rows, columns)])
-    if len(blocks) == 1:
-        yield order, sizes
-        return
-    for block in blocks:
-        i = rows[block]
-        j = columns[block]
-        of_block, sizes = pivot_order(pattern[np.ix_(i, j)], values[:, i][:, :, j])
-        yield [(int(i[k]), int(j[m])) for k, m in of_block], sizes
