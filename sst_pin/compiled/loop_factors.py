@@ -1,5 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Factorises Phi_u, with pivots chosen at sample configurations."""
+"""Factorises Phi_u, with pivots chosen at sample configurations.
+
+Phi_u are the columns of Phi for the dependent rates. It is factorised on three levels:
+
+1. Phi_u falls into *components* that share no row and no rate: loops that have nothing in common.
+2. A component is mostly eliminated (`Factors`), with some of its rows: those that get pivots. If
+   each choice of rows is singular at some configuration, as for the Bennett linkage, it is
+   factorised with all of its independent rows (`Orthogonal`).
+3. An eliminated component falls into *blocks*: loops that are solved one after the other. A block
+   can contain rates of blocks before it. If this takes many operations, `shared_links` adds
+   *auxiliary unknowns*, and for each of them a row that defines it.
+
+`LoopFactors.pivots` does all of this. Where numbers of Phi_u are compared, each row is multiplied
+by its scale (`Mechanism.row_scale`) and each column by its unit (`Mechanism.rate_scale`), so that
+they are free of units.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -29,23 +44,23 @@ from .symbols import Sparse, column
 
 
 class Pivots(NamedTuple):
-    """Phi_u, factorised."""
+    """Phi_u, factorised, and the sizes of its pivots."""
 
     factors: Blocks
-    #: For each entry of `factors.parts`, in this order: the largest sizes of its pivots in the
-    #: samples; of an `Orthogonal`, the largest squares.
+    #: For each entry of `factors.parts`: the largest size of each pivot in the samples. For an
+    #: `Orthogonal`, the largest of each of its `squares`.
     sizes: list[Array]
-    #: |det| of the rows with pivots, free of units; for parts in which all rows count, the product
-    #: of the singular values.
+    #: |det Phi_u| of the rows with pivots, free of units. An `Orthogonal` contributes the product
+    #: of its singular values.
     determinant: Any
-    #: The largest norm of Phi_u in the samples, scaled.
+    #: The largest norm of Phi_u in the samples, free of units.
     norm: float
 
 
-class _Part(NamedTuple):
-    """A part of Phi_u, factorised. It shares no row and no rate with other parts."""
+class _Component(NamedTuple):
+    """A component of Phi_u, factorised."""
 
-    #: Rows of its blocks, by number.
+    #: Entries of its rows, by row and column, with the rows that define auxiliary unknowns.
     entries: Mapping[int, Sparse]
     #: Its blocks in the order of solution.
     sequence: Sequence[Block]
@@ -60,7 +75,8 @@ class LoopFactors:
         mechanism: The mechanism.
         kinematics: The motion of its links.
         rows: All rows of its closures.
-        at_samples: Function that evaluates symbols at the samples, as `Equations.at_samples`.
+        at_samples: A function that evaluates a matrix of symbols at the samples, as
+            `Equations.at_samples`.
     """
 
     def __init__(
@@ -70,113 +86,129 @@ class LoopFactors:
         rows: Sequence[Row],
         at_samples: Callable[[SX], Array],
     ) -> None:
-        self.mechanism = mechanism
-        self.kinematics = kinematics
-        self.rows = rows
-        self.at_samples = at_samples
+        self._mechanism = mechanism
+        self._kinematics = kinematics
+        self._rows = rows
+        self._Phi = [row.Phi for row in rows]
+        self._at_samples = at_samples
         self._dependent = [int(i) for i in mechanism.dependent]
-        self._rates = range(mechanism.model.nv)
 
     def pivots(self) -> Pivots:
-        """Phi_u in parts that share no row and no rate, and these in blocks of loops."""
+        """Phi_u, factorised component by component."""
         pattern, values = self._Phi_u_at_samples()
         entries = dict[int, Sparse]()
         sequence = list[Block]()
         sizes = list[Array]()
         for rows, columns in connected(pattern):
-            independent = self._rows_without_choice(values, rows, columns)
-            if independent:
-                part = self._orthogonal_part(independent, columns)
+            scales = self._scales_of_orthogonal_component(values, rows, columns)
+            if scales:
+                component = self._orthogonal_component(scales, columns)
             else:
                 # Auxiliary unknowns get indices of rows and columns that nothing has yet.
                 used = len(entries)
                 first_auxiliary = FirstIndices(
-                    row=len(self.rows) + used, column=len(self._rates) + used
+                    row=len(self._rows) + used, column=self._mechanism.model.nv + used
                 )
-                part = self._part_by_blocks(pattern, values, rows, columns, first_auxiliary)
-            entries |= part.entries
-            sequence += part.sequence
-            sizes += part.sizes
+                component = self._eliminated_component(
+                    pattern, values, rows, columns, first_auxiliary
+                )
+            entries |= component.entries
+            sequence += component.sequence
+            sizes += component.sizes
         factors = Blocks(entries, sequence)
-        units = self.mechanism.rate_scale[self._dependent]
+        units = self._mechanism.rate_scale[self._dependent]
         norms = np.linalg.norm(values[:, factors.rows] * units, axis=(1, 2))
         return Pivots(factors, sizes, self._determinant(factors), float(norms.max(initial=0.0)))
 
     def _Phi_u_at_samples(self) -> tuple[Flags, Array]:
-        """The entries of Phi_u that may differ from zero, and Phi_u in the samples.
+        """Which entries of Phi_u may differ from zero, and Phi_u in the samples.
 
-        The scales of the rows are in the values; the units of the columns are not.
+        The shapes are (rows, dependent rates) and (samples, rows, dependent rates). In the samples
+        the rows have their scales, but the columns do not have their units.
         """
-        Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
+        Phi_u = (column(Phi, self._dependent).T for Phi in self._Phi)
         matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
-        values = self.at_samples(matrix) * self.mechanism.row_scale[:, None]
+        values = self._at_samples(matrix) * self._mechanism.row_scale[:, None]
         pattern = ca.DM(matrix.sparsity(), 1).full() > 0
-        # Rows that hold nothing, such as a plane's for a planar arm, are rounding.
-        units = self.mechanism.rate_scale[self._dependent]
+        # A row that is zero in all samples counts as zero: for instance the row that holds a planar
+        # arm in its own plane.
+        units = self._mechanism.rate_scale[self._dependent]
         sizes_of_rows = np.abs(values * units).max(axis=(0, 2), initial=0.0)
         pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
         return pattern, values
 
-    def _rows_without_choice(
+    def _scales_of_orthogonal_component(
         self, values: Array, rows: Indices, columns: Indices
     ) -> dict[int, float]:
-        """Independent rows, with their scales, of a part where no choice of rows always suffices.
+        """Scales of all independent rows, if a component needs them all; empty if it does not.
 
-        Side by side over all samples, such a part has more independent rows than columns. For
-        another part the result is empty: some of its rows suffice in every sample.
+        In a sample, only as many rows are independent as there are columns. The other rows follow
+        from them. If they follow with the same coefficients in all samples, the same rows can be
+        left out everywhere. Then the component with its samples side by side, shape
+        (rows, samples * columns), has no more independent rows than one sample. Otherwise it has
+        more of them, and no choice of rows is regular everywhere.
+
+        Args:
+            values: Phi_u in the samples, of `_Phi_u_at_samples`.
+            rows: Rows of the component.
+            columns: Columns of the component, among the dependent rates.
         """
-        units = self.mechanism.rate_scale[self.mechanism.dependent[columns]]
+        units = self._mechanism.rate_scale[self._mechanism.dependent[columns]]
         side_by_side = np.hstack(list(values[:, rows][:, :, columns] * units))
         independent = independent_rows(side_by_side)
         if len(independent) <= len(columns):
             return {}
-        return {int(i): float(self.mechanism.row_scale[i]) for i in rows[independent]}
+        return {int(i): float(self._mechanism.row_scale[i]) for i in rows[independent]}
 
-    def _orthogonal_part(self, scale: Mapping[int, float], columns: Indices) -> _Part:
-        """A part of Phi_u in which all rows count: those in `scale`, with their scales."""
-        Phi = [row.Phi for row in self.rows]
+    def _orthogonal_component(self, scales: Mapping[int, float], columns: Indices) -> _Component:
+        """A component of Phi_u that is factorised with all rows that are in `scales`."""
         rates = [self._dependent[k] for k in columns]
-        factors, squares = orthogonal_factors(Phi, scale, rates, self.at_samples)
-        return _Part({i: Phi[i] for i in scale}, [factors], [squares])
+        factors, squares = orthogonal_factors(self._Phi, scales, rates, self._at_samples)
+        return _Component({i: self._Phi[i] for i in scales}, [factors], [squares])
 
-    def _part_by_blocks(
+    def _eliminated_component(
         self,
         pattern: Flags,
         values: Array,
         rows: Indices,
         columns: Indices,
         first_auxiliary: FirstIndices,
-    ) -> _Part:
-        """A part of Phi_u in which elimination chooses rows, block by block.
+    ) -> _Component:
+        """A component of Phi_u that is eliminated block by block, with the rows that get pivots.
 
-        `first_auxiliary` are the indices of the first auxiliary unknown, if it gets any.
+        Args:
+            pattern: Which entries of Phi_u may differ from zero.
+            values: Phi_u in the samples.
+            rows: Rows of the component.
+            columns: Columns of the component, among the dependent rates.
+            first_auxiliary: Indices of the first auxiliary unknown, if there is one.
         """
-        Phi = [row.Phi for row in self.rows]
-        pattern_of_part = pattern[np.ix_(rows, columns)]
-        values_of_part = values[:, rows][:, :, columns]
+        pattern_of_component = pattern[np.ix_(rows, columns)]
+        values_of_component = values[:, rows][:, :, columns]
         blocks = list[Factors]()
         sizes = list[Array]()
-        for order, scaled_sizes in _pivots_by_blocks(pattern_of_part, values_of_part):
-            chosen = rows[[i for i, _ in order]]
+        for order, scaled_sizes in _pivots_by_blocks(pattern_of_component, values_of_component):
+            rows_of_pivots = rows[[i for i, _ in order]]
             rates = [self._dependent[columns[k]] for _, k in order]
-            blocks.append(Factors(Phi, list(zip(chosen.tolist(), rates, strict=True))))
-            # The scale of a row is a factor of its pivot in the samples. Phi has no scales.
-            sizes.append(scaled_sizes / self.mechanism.row_scale[chosen])
+            order_in_Phi = list(zip(rows_of_pivots.tolist(), rates, strict=True))
+            blocks.append(Factors(self._Phi, order_in_Phi))
+            # The values contain the scales of the rows, Phi does not.
+            sizes.append(scaled_sizes / self._mechanism.row_scale[rows_of_pivots])
         # `coupled` puts definitions of auxiliary unknowns between the blocks and keeps their order.
-        entries, sequence = coupled(self.kinematics, self.rows, blocks, first_auxiliary)
-        return _Part(entries, sequence, sizes)
+        entries, sequence = coupled(self._kinematics, self._rows, blocks, first_auxiliary)
+        return _Component(entries, sequence, sizes)
 
     def _determinant(self, factors: Blocks) -> Any:
         """det Phi_u, up to its sign: pivots times scales of the rows times units of the columns.
 
-        The pivots of an orthogonal part contain the scales of its rows.
+        The pivots of an `Orthogonal` contain the scales of its rows.
         """
-        determinant = SX(float(np.prod(self.mechanism.rate_scale[self._dependent])))
-        for part in factors.parts:
-            if isinstance(part, Factors):
-                determinant *= float(np.prod(self.mechanism.row_scale[part.rows]))
-        for part in factors.parts:
-            for pivot in part.pivots:
+        determinant = SX(float(np.prod(self._mechanism.rate_scale[self._dependent])))
+        for block in factors.parts:
+            if isinstance(block, Factors):
+                determinant *= float(np.prod(self._mechanism.row_scale[block.rows]))
+        for block in factors.parts:
+            for pivot in block.pivots:
                 determinant *= pivot
         return determinant
 
@@ -184,7 +216,15 @@ class LoopFactors:
 def _pivots_by_blocks(
     pattern: Flags, values: Array
 ) -> Iterator[tuple[list[tuple[int, int]], Array]]:
-    """As `pivot_order`, for each block of the rows that have pivots."""
+    """The result of `pivot_order` for each block of a matrix, in the order of solution.
+
+    First, pivots of the whole matrix determine which rows are used and what the blocks are. Then
+    the pivots of each block are chosen again, within the block.
+
+    Args:
+        pattern: Which entries may differ from zero, shape (rows, columns).
+        values: The matrix in the samples, shape (samples, rows, columns).
+    """
     order, sizes = pivot_order(pattern, values)
     rows = np.array([i for i, _ in order])
     columns = np.array([j for _, j in order])
@@ -195,8 +235,8 @@ def _pivots_by_blocks(
     for block in blocks:
         i = rows[block]
         j = columns[block]
-        of_block, sizes = pivot_order(pattern[np.ix_(i, j)], values[:, i][:, :, j])
-        yield [(int(i[k]), int(j[m])) for k, m in of_block], sizes
+        order_in_block, sizes = pivot_order(pattern[np.ix_(i, j)], values[:, i][:, :, j])
+        yield [(int(i[k]), int(j[m])) for k, m in order_in_block], sizes
 
 
 def orthogonal_factors(
@@ -205,7 +245,14 @@ def orthogonal_factors(
     columns: Sequence[int],
     at_samples: Callable[[SX], Array],
 ) -> tuple[Orthogonal, Array]:
-    """Factors of a matrix with all of these rows, and the largest squares in the samples."""
+    """Factors of a matrix, and the largest of each of their `squares` in the samples.
+
+    Args:
+        rows: Rows of a matrix.
+        scale: As in `Orthogonal`.
+        columns: As in `Orthogonal`.
+        at_samples: As in `LoopFactors`.
+    """
     factors = Orthogonal(rows, scale, columns)
     squares = at_samples(ca.vertcat(*map(SX, factors.squares)))
     return factors, squares[..., 0].max(axis=0)
