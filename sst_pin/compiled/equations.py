@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The equations of motion of any closed chain on CasADi's symbols.
 
-The rates v of the tree are those of the coordinates, va, and the dependent ones, v_u. The closures
-are Phi v = 0, or Phi_u v_u = -Phi_a va with the columns of Phi for either. Phi_u is factorised
-once, for rates, accelerations and, transposed, forces. Forces tau along v are balanced along the
-dependent rates by the closures, with multipliers Lambda, and leave a force on each coordinate:
+The rates v of the tree are the rates va of the coordinates and the dependent rates v_u. Phi_a and
+Phi_u are the columns of Phi for va and v_u. The closures Phi v = 0 determine the dependent rates:
+
+    Phi_u v_u = -Phi_a va.
+
+Phi_u is factorised once (`loop_factors`). The factors solve for rates, for accelerations and, with
+the transposed matrix, for the multipliers Lambda of the closures. Along the dependent rates, the
+forces Phi^T Lambda of the closures are equal to given forces tau. Along the coordinates they differ
+from tau by L^T tau:
 
     Phi_u^T Lambda = tau_u,   L^T tau = tau_a - Phi_a^T Lambda.
 
-So inverse dynamics forms no L. The rows of a closure are in the axes of the last link that carries
-both branches of its loop, and contain only rates beyond this link.
+So inverse dynamics needs no L.
 
 The geometry is fixed numbers; `SymbolicParameters` lists the numbers that stay symbols. Vectors
 along the rates or the rows are sparse: entries by index, zeros left out (`symbols.Sparse`).
@@ -36,24 +40,31 @@ from .symbolic_parameters import GRAVITY, SymbolicParameters
 from .symbols import Sparse, SymmetricFactors, add, column, is_zero, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
-# Whether matrices of the tree or single columns take fewer operations depends on how many entries
-# of a matrix of the tree there are for each link and column of L: `Equations._pairs_per_column`.
-#: Above this number M L is computed column by column, with the mass matrix M of the tree.
+# A product of a matrix of the tree with L can be computed in two ways: with the whole matrix, or
+# column by column of L by a pass over all links. The whole matrix takes more operations if it has
+# many entries for each link and column of L: `Equations._entries_per_link_and_column`.
+#: Above this number, columns of M L take fewer operations than the mass matrix M of the tree.
 _MASS_BY_COLUMNS = 2.5
-#: Above this number derivatives of the forces of the tree are computed column by column.
+#: Above this number, derivatives along columns of L take fewer operations than Jacobians of the
+#: forces of the tree.
 _DERIVATIVES_BY_COLUMNS = 1.5
-#: Articulated bodies can take fewer operations from this number of coordinates on.
-_ARTICULATED = 8
-#: The factors of the whole matrix can take fewer operations up to this number of coordinates.
-_NOT_WHOLE = 40
+
+# L^T M L is factorised as a whole or by articulated bodies. Between these two numbers of
+# coordinates the operations of both are counted. Outside them, the count would have a known result
+# or would take long.
+#: Below this number of coordinates the whole matrix takes fewer operations.
+_LEAST_FOR_ARTICULATED = 8
+#: Above this number of coordinates articulated bodies take fewer operations.
+_MOST_FOR_WHOLE = 40
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 
 
 class RatesOfChange(NamedTuple):
-    """How rates x with Phi x = 0 change as Phi changes: the solution of Phi change = right."""
+    """How rates x with Phi x = 0 change as Phi changes, with the system Phi x_dot = right."""
 
-    change: Sparse
+    x_dot: Sparse
+    #: -Phi_dot x, by row.
     right: Sparse
 
 
@@ -68,8 +79,8 @@ class Equations:
             Otherwise it is the sign; kernels of C smooth it themselves.
         welded: Whether bodies that closures weld together are computed as one.
         parameters: The symbolic parameters, by default those of the mechanism.
-        displaced: Whether joints have small displacements. Derivatives by these are those by q
-            along the rates; see `Kinematics`.
+        displaced: Whether joints have small displacements. Derivatives by the displacements are the
+            derivatives by q along the rates; see `Kinematics`.
 
     Attributes:
         p: Symbols of the `parameters`, in their order.
@@ -94,10 +105,10 @@ class Equations:
         model = mechanism.model
         self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        # The forces of the tree contain weight as an acceleration of the base. Rows of closures
-        # subtract accelerations, in which that of the base cancels. Derivatives by displacements
-        # need forces and rows together. With the same acceleration in both they share expressions,
-        # so that those of a scissor lift take fewer operations.
+        # For the forces of the tree, link 0 accelerates against gravity. For rows of closures its
+        # acceleration is arbitrary: a row subtracts the accelerations of two frames. Derivatives by
+        # displacements need forces and rows together. With the same acceleration in both, forces
+        # and rows have expressions in common. For a scissor lift this saves operations.
         acceleration = None
         if displaced:
             acceleration = -self.p[GRAVITY]
@@ -118,7 +129,7 @@ class Equations:
 
     @cached_property
     def displaced(self) -> "Equations":
-        """Equations of the mechanism on other symbols, with displaced joints."""
+        """Equations of the same mechanism with displaced joints, on symbols of their own."""
         return Equations(
             self.mechanism,
             self._samples,
@@ -154,9 +165,9 @@ class Equations:
         return np.array([numbers(q, p).full() for q in self._samples])
 
     def complete(self, of_coordinates: Sequence[Any], right: Sparse) -> Sparse:
-        """Rates x of the whole tree with Phi x = right, from those of the coordinates.
+        """Rates x of the whole tree with Phi x = right, from the rates x_a of the coordinates.
 
-        Phi_u x_u = right - Phi_a x_a.
+        The dependent rates follow from Phi_u x_u = right - Phi_a x_a.
         """
         pairs = zip(self._coordinates, of_coordinates, strict=True)
         x_a = {i: value for i, value in pairs if not is_zero(value)}
@@ -169,14 +180,14 @@ class Equations:
         return x_a | self.factors.solve(add(right, by_coordinates))
 
     def multipliers(self, tau: Sparse) -> Sparse:
-        """Lambda by row, with Phi_u^T Lambda = tau_u: forces of the closures that balance tau."""
+        """Multipliers Lambda by row, with Phi_u^T Lambda = tau_u."""
         on_dependent = {j: tau[j] for j in self._dependent if j in tau}
         return self.factors.solve_transposed(on_dependent)
 
     def projected(self, tau: Sparse) -> SX:
         """L^T tau = tau_a - Phi_a^T Lambda, without L.
 
-        It takes fewer operations than `projected_by_L` where nothing else needs L.
+        It takes fewer operations than `projected_by_L` if nothing else needs L.
         """
         Lambda = self.multipliers(tau)
         result = []
@@ -189,7 +200,7 @@ class Equations:
         return ca.vertcat(*result)
 
     def projected_by_L(self, tau: Sparse) -> SX:
-        """L^T tau as a product: for several tau, or where L is computed anyway."""
+        """L^T tau as a product, for several tau or if L is computed anyway."""
         return self.L_matrix.T @ column(tau, self._rates)
 
     @cached_property
@@ -199,24 +210,29 @@ class Equations:
 
     @cached_property
     def drift(self) -> Sparse:
-        """-Phi_dot v, by row, Eq. (8)."""
+        """-Phi_dot v, by row, Eq. (8): the right side of Phi v_dot = -Phi_dot v."""
         zero: Sparse = {}
+        # The acceleration of a row is Phi v_dot + Phi_dot v.
         drift = {i: -self.rows[i].acceleration(self.v, zero) for i in self.factors.rows}
         return {i: x for i, x in drift.items() if not is_zero(x)}
 
     @cached_property
     def L(self) -> list[Sparse]:
-        """Columns of the joint orthogonal complement, Eq. (17)."""
+        """Columns of the joint orthogonal complement L, Eq. (17), one for each coordinate."""
         n = len(self._coordinates)
         return [self.complete([float(i == k) for i in range(n)], {}) for k in range(n)]
 
     @cached_property
     def L_matrix(self) -> SX:
-        """The joint orthogonal complement, shape (nv, n)."""
+        """The joint orthogonal complement L, shape (nv, n)."""
         return ca.horzcat(*(column(x, self._rates) for x in self.L))
 
     def Phi_dot_along(self, along: Sparse) -> Entries:
-        """Rates of change of the entries of Phi along rates of the tree, zeros left out."""
+        """Rates of the entries of Phi along a motion of the tree, zeros left out.
+
+        Args:
+            along: Rates of the tree.
+        """
         places = [(i, j) for i in self.factors.rows for j in self.rows[i].Phi]
         entries = ca.vertcat(*(SX(self.rows[i].Phi[j]) for i, j in places))
         rates = ca.jtimes(entries, self.q, self.kinematics.q_rates(along))
@@ -225,20 +241,24 @@ class Equations:
 
     @cached_property
     def Phi_dot(self) -> Entries:
-        """Rates of change of the entries of Phi along v."""
+        """Rates of the entries of Phi along v, zeros left out."""
         return self.Phi_dot_along(self.v)
 
     def rates_of_change(self, x: Sparse, Phi_dot: Entries) -> RatesOfChange:
         """How rates x with Phi x = 0 change as Phi changes: Phi x_dot = -Phi_dot x, Eq. (20).
 
         The rates of the coordinates in x stay constant.
+
+        Args:
+            x: Rates of the tree.
+            Phi_dot: Rates of the entries of Phi.
         """
         right: Sparse = {}
         for i, j, rate in Phi_dot:
             if j in x:
                 right = add(right, {i: -(rate * x[j])})
         x_dot = self.complete([0.0] * len(self._coordinates), right)
-        return RatesOfChange(change=x_dot, right=right)
+        return RatesOfChange(x_dot, right)
 
     @cached_property
     def dv(self) -> Sparse:
@@ -253,18 +273,21 @@ class Equations:
     # --- dynamics ---------------------------------------------------------------------------
 
     def forces(self, dv: Sparse) -> Sparse:
-        """All forces along the rates of the tree that a motion at v needs."""
+        """Forces along the rates of the tree that the motion with v and accelerations dv needs.
+
+        They include friction and springs.
+        """
         friction = self.tree.friction(self.v)
         return add(self.tree.forces(self.v, dv), add(friction, self.tree.springs(self.v)))
 
     @cached_property
     def tree_forces(self) -> Sparse:
-        """Forces that the motion needs along the rates of the tree."""
+        """`forces` of the motion with v and dv."""
         return self.forces(self.dv)
 
     @cached_property
     def generalized_forces(self) -> SX:
-        """f of a motion, Eqs. (91), (92)."""
+        """Generalized forces f of the motion, Eqs. (91), (92), shape (n,)."""
         return self.projected(self.tree_forces)
 
     @cached_property
@@ -274,7 +297,10 @@ class Equations:
 
     @cached_property
     def motor_columns(self) -> list[Sparse]:
-        """Columns of B, motors on lines included."""
+        """Columns of B: forces along the rates of the tree by a unit torque of each motor.
+
+        The torque of a motor on a line is a pull along this line.
+        """
         pairs = zip(self.mechanism.actuation.T, self.mechanism.lines.actuation.T, strict=True)
         columns = []
         for on_rates, on_lines in pairs:
@@ -284,20 +310,28 @@ class Equations:
 
     @cached_property
     def B(self) -> SX:
-        """Forces along the rates by unit torques of the motors, lines included, (nv, motors)."""
+        """The matrix with the columns `motor_columns`, shape (nv, motors)."""
         columns = (column(forces, self._rates) for forces in self.motor_columns)
         return ca.horzcat(SX(len(self._rates), 0), *columns)
 
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
-        """Rows of L^T B without zeros; refuses motors that at no sample drive all coordinates."""
+        """Rows of L^T B without zeros.
+
+        Raises:
+            ActuationError: There is no sample at which the motors drive all coordinates.
+        """
         mechanism = self.mechanism
         A = self.motor_matrix
         n = len(self._coordinates)
-        rows = mechanism.rate_scale[mechanism.coordinates, None]
-        sizes = np.linalg.svd(self.at_samples(A) * rows / mechanism.motor_scale, compute_uv=False)
-        # The matrix is free of units. Without the 1, rounding would count where no motor drives.
-        rank = int((sizes > RANK_TOLERANCE * np.maximum(sizes[:, :1], 1)).sum(axis=1).max())
+        # Free of units, the matrix has singular values of the order 1.
+        row_scale = mechanism.rate_scale[mechanism.coordinates, None]
+        samples = self.at_samples(A) * row_scale / mechanism.motor_scale
+        sizes = np.linalg.svd(samples, compute_uv=False)
+        # The tolerance is relative to the largest one, but at least to 1: if no motor drives
+        # anything, the largest one is rounding.
+        least = RANK_TOLERANCE * np.maximum(sizes[:, :1], 1)
+        rank = int((sizes > least).sum(axis=1).max())
         if rank < n:
             raise ActuationError(
                 f"the motors supply {rank} of {n} forces along the coordinates; "
@@ -316,7 +350,7 @@ class Equations:
 
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
-        """(L^T B)^T, factorised, and the largest squares of its pivots in the samples."""
+        """Factors of (L^T B)^T, and the largest of each of their `squares` in the samples."""
         motors = range(len(self.mechanism.motor_names))
         rows_of_transpose: list[dict[int, Any]] = [{} for _ in motors]
         for i, row in enumerate(self.motor_rows):
@@ -327,7 +361,10 @@ class Equations:
         return orthogonal_factors(rows_of_transpose, scale, columns, self.at_samples)
 
     def smallest_torques(self, f: SX) -> Sparse:
-        """The smallest torques tau with L^T B tau = f, by motor, refined once against rounding."""
+        """The smallest torques tau with L^T B tau = f, by motor.
+
+        One step of iterative refinement makes up for rounding.
+        """
         factors, _ = self.motor_factors
         tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
         supplied = self.motor_matrix @ column(tau, range(len(self.motor_columns)))
@@ -338,55 +375,57 @@ class Equations:
     def inertia(self) -> SX:
         """L^T M L, shape (n, n), Eq. (93)."""
         L = self.L_matrix
-        if self._pairs_per_column > _MASS_BY_COLUMNS:
+        if self._entries_per_link_and_column > _MASS_BY_COLUMNS:
             forces = (self.tree.forces({}, x, loads=False, weight=False) for x in self.L)
             ML = ca.horzcat(*(column(x, self._rates) for x in forces))
         else:
-            ML = symmetric(self.tree.composite_inertia(self._following), len(self._rates)) @ L
+            ML = symmetric(self.tree.composite_inertia(self._hanging_loops), len(self._rates)) @ L
         return ca.triu2symm(ca.triu(L.T @ ML))
 
     @property
     def derivatives_by_columns(self) -> bool:
         """Whether derivatives along single coordinates take fewer operations than matrices do."""
-        return len(self.L) == 1 or self._pairs_per_column > _DERIVATIVES_BY_COLUMNS
+        return len(self.L) == 1 or self._entries_per_link_and_column > _DERIVATIVES_BY_COLUMNS
 
     @cached_property
-    def _pairs_per_column(self) -> float:
+    def _entries_per_link_and_column(self) -> float:
         """Number of entries of a matrix of the tree for each link and column of L.
 
-        There is an entry for each pair of rates of which one moves the other. In a long tree with
-        few coordinates most of these pairs are of dependent rates.
+        Such a matrix, for instance the mass matrix, has an entry for two rates if one of them moves
+        the joint of the other. In a long tree with few coordinates most of the entries are for
+        dependent rates.
         """
         links = self.kinematics.tree.links
-        behind = [set[int]() for _ in links]
-        pairs = 0
+        behind = [set[int]() for _ in links]  # rates of each link and of all links behind it
+        entries = 0
         for i in range(len(links) - 1, 0, -1):
             link = links[i]
             behind[i].update(link.v)
-            pairs += len(link.v) * len(behind[i])
+            entries += len(link.v) * len(behind[i])
             behind[link.parent] |= behind[i]
-        return pairs / (len(links) * len(self._coordinates))
+        return entries / (len(links) * len(self._coordinates))
 
     @cached_property
-    def _following(self) -> dict[int, dict[int, Sparse]]:
-        """Rows of L of the dependent rates, by the link that their loops hang on.
+    def _hanging_loops(self) -> dict[int, dict[int, Sparse]]:
+        """Rows of L of the dependent rates, by the link on which their loops hang.
 
-        `TreeDynamics.composite_inertia` needs them so.
+        It is the argument of `TreeDynamics.composite_inertia`.
         """
         links = self.kinematics.tree.links
-        following: dict[int, dict[int, Sparse]] = {}
+        loops: dict[int, dict[int, Sparse]] = {}
         for rate in self._dependent:
             columns = zip(self._coordinates, self.L, strict=True)
             row = {k: column[rate] for k, column in columns if rate in column}
-            # The loop of a rate: the links that it or the coordinates in its row move.
+            # The loop of a dependent rate: the links whose joints have this rate or a coordinate
+            # that moves it.
             loop = [link for link in links if {rate, *row}.intersection(link.v)]
-            # It hangs on the deepest link before all of them. Parents have smaller numbers.
+            # The loop hangs on the last link before all of them. Parents have smaller numbers.
             before = [set(self.kinematics.tree.ancestors(link.parent)) for link in loop]
             hangs_on = max(set.intersection(*before))
-            # `composite_inertia` stops before the world, link 0: its loops need no entry.
+            # `composite_inertia` stops before link 0, so loops on the ground are left out.
             if hangs_on != 0:
-                following.setdefault(hangs_on, {})[rate] = row
-        return following
+                loops.setdefault(hangs_on, {})[rate] = row
+        return loops
 
     @cached_property
     def coriolis(self) -> SX:
@@ -412,13 +451,14 @@ class Equations:
     def inertia_factors(self) -> SymmetricFactors | ArticulatedBodies:
         """L^T M L, factorised in the way that takes fewer operations."""
         lines = self.tree.lines
-        tied = (lines[k].row for k in self.parameters.line_masses(self.p))
-        hanging = groups(self.kinematics.tree, self.L, tied)
+        # The mass of a line couples all rates that change its length.
+        coupled = (lines[k].row for k in self.parameters.line_masses(self.p))
+        all_groups = groups(self.kinematics.tree, self.L, coupled)
         n = len(self._coordinates)
-        if len(hanging) == 1 or n < _ARTICULATED:
+        if len(all_groups) == 1 or n < _LEAST_FOR_ARTICULATED:
             return SymmetricFactors(self.inertia)
-        articulated = ArticulatedBodies(self.kinematics, self.tree, self.L, hanging)
-        if n > _NOT_WHOLE:
+        articulated = ArticulatedBodies(self.kinematics, self.tree, self.L, all_groups)
+        if n > _MOST_FOR_WHOLE:
             return articulated
         whole = SymmetricFactors(self.inertia)
         b = SX.sym("b", n)
@@ -427,7 +467,7 @@ class Equations:
         return whole
 
     def _operations(self, factors: SymmetricFactors | ArticulatedBodies, b: SX) -> int:
-        """Operations of the factors of L^T M L, of one solution and of the check of the pivots."""
+        """Number of operations of one solution and of the numbers that check the pivots."""
         results = ca.vertcat(factors.solve(b), *factors.inverses, *factors.diagonal)
-        # Kernels merge equal expressions (cse) too.
+        # Equal expressions are merged (cse), because kernels merge them too.
         return ca.Function("count", [self.q, self.p, b], [results], {"cse": True}).n_instructions()

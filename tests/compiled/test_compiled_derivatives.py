@@ -99,8 +99,8 @@ def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
 )
 def test_derivatives_by_articulated_bodies_are_the_same(name, monkeypatch):
     """As above, with the inertia factorised as that of robots with many coordinates."""
-    monkeypatch.setattr(equations, "_ARTICULATED", 0)
-    monkeypatch.setattr(equations, "_NOT_WHOLE", 0)
+    monkeypatch.setattr(equations, "_LEAST_FOR_ARTICULATED", 0)
+    monkeypatch.setattr(equations, "_MOST_FOR_WHOLE", 0)
     test_derivatives_are_those_of_the_reference_path_and_casadis_own(name)
 
 
