@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Accelerations from forces by articulated bodies, for robots of many coordinates.
 
-Coordinates that move the same loops form a *group*; the links of a group hang on one link, its
-*base*. From the tips to the ground, each group is eliminated as Featherstone's algorithm eliminates
-a joint; constraint embedding (A. Jain, Multibody graph transformations and analysis II, Nonlinear
-Dynamics 67, 2012) extends it to groups with loops. For a group let
+Coordinates that move the same loops form a *group*. The links of a group hang on one link, its
+*base*. `groups` finds the groups. `ArticulatedBodies` eliminates group by group, from the tips to
+the ground, as Featherstone's algorithm eliminates joint by joint; constraint embedding (A. Jain,
+Multibody graph transformations and analysis II, Nonlinear Dynamics 67, 2012) extends it to groups
+with loops. For a group let
 
     t_i   columns of L as twists [u; omega] of link i relative to the base,
     A_i   the inertia of link i with all that hangs on it,
@@ -12,14 +13,22 @@ Dynamics 67, 2012) extends it to groups with loops. For a group let
 
 Then, with the sums over the links of the group,
 
-    D = sum t_i^T A_i t_i + inertia of rotors,   F = sum X_i^T A_i t_i,
+    D = sum t_i^T A_i t_i + inertia of rotors and lines,   F = sum X_i^T A_i t_i,
 
 and the base gets the inertia
 
-    A_base += sum X_i^T A_i X_i - F D^-1 F^T,
+    A_base += sum X_i^T A_i X_i - F D^-1 F^T.
 
-where the last term stands for the joints of the group, which move. Operations grow in proportion to
-the number of groups; those of the factors of L^T M L grow with its square and more.
+The last term is there because the joints of the group yield. The inertias are computed as
+
+    A_i = rigid_i - reduction_i,
+
+where rigid_i is the inertia if all joints of the groups that hang on link i were fixed, and
+reduction_i is the sum of the terms F D^-1 F^T of these groups. The first takes fewer operations,
+because it has only ten different numbers.
+
+The number of operations grows in proportion to the number of groups. With the factors of the whole
+matrix L^T M L it grows with the square of this number and more.
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,75 +42,49 @@ from .links import LinkTree
 from .symbols import Sparse, SymmetricFactors, column, sx
 from .tree_dynamics import SpatialInertia, TreeDynamics
 
+# --- groups -------------------------------------------------------------------------------------
+
 
 class Group(NamedTuple):
     """Coordinates that move the same loops."""
 
-    #: The link on which all its links hang.
+    #: Index of the link on which all its links hang.
     base: int
-    #: Parents first.
+    #: Indices of its links, parents first.
     links: list[int]
-    #: Indices of columns of L.
+    #: Indices of its coordinates, which are columns of L.
     coordinates: list[int]
 
 
-def groups(tree: LinkTree, L: Sequence[Sparse], tied: Iterable[Iterable[int]]) -> list[Group]:
-    """All groups, each before the group that its base is in.
+def groups(tree: LinkTree, L: Sequence[Sparse], coupled: Iterable[Iterable[int]]) -> list[Group]:
+    """All groups, from the tips to the ground.
 
-    Rates that are tied share a group although they move no link together, as those whose inertia
-    is coupled by the mass of a line.
+    Args:
+        tree: The links.
+        L: Columns of L.
+        coupled: Sets of rates whose inertia is coupled although they move no link together, for
+            instance by the mass of a line. Each set is in one group.
     """
-    sets = _DisjointSets()
-    for link in tree.links:
-        sets.unite(link.v)
-    for column_of_L in L:
-        sets.unite(column_of_L)
-    for rates in tied:
-        sets.unite(rates)
-    while True:
-        result = list[Group]()
-        united = False
-        for representative, links in _links_by_set(tree, sets).items():
-            base, between = _base_of(tree, links)
-            # Links between the base and these links belong to the group. If this unites groups,
-            # the result is dropped, and the bases of all groups are looked for again.
-            for i in between:
-                united |= sets.unite((representative, *tree.links[i].v))
-            coordinates = []
-            for k, column_of_L in enumerate(L):
-                some_rate = next(iter(column_of_L))
-                if sets.find(some_rate) == sets.find(representative):
-                    coordinates.append(k)
-            result.append(Group(base, links, coordinates))
-        if not united:
-            # If a group hangs on a link of another group, its base is a link of that group, and
-            # so it comes later than the base of that group, which carries all its links.
-            return sorted(result, key=lambda group: -group.base)
-
-
-def _links_by_set(tree: LinkTree, sets: "_DisjointSets") -> dict[int, list[int]]:
-    """The links that the rates of each set move, by the representative of the set."""
-    links: dict[int, list[int]] = {}
-    for i, link in enumerate(tree.links):
-        if link.v:
-            links.setdefault(sets.find(link.v[0]), []).append(i)
-    return links
-
-
-def _base_of(tree: LinkTree, links: Sequence[int]) -> tuple[int, list[int]]:
-    """The last link that carries all of these, and other links between it and them."""
-    paths = [tree.ancestors(tree.links[i].parent) for i in links]
-    shared = set(paths[0]).intersection(*paths[1:])
-    base = max(shared)  # parents come first
-    behind_base = {i for path in paths for i in path if i > base}
-    return base, sorted(behind_base - set(links))
+    sets = _rates_of_groups(tree, L, coupled)
+    result = list[Group]()
+    for representative, links in _links_by_set(tree, sets).items():
+        base, _ = _base_and_links_between(tree, links)
+        coordinates = []
+        for k, column_of_L in enumerate(L):
+            any_rate = next(iter(column_of_L))  # all rates of a column are in the same set
+            if sets.find(any_rate) == representative:
+                coordinates.append(k)
+        result.append(Group(base, links, coordinates))
+    # A group that hangs on a link of another group has this link as its base. The base of the other
+    # group carries this link and has a smaller index.
+    return sorted(result, key=lambda group: -group.base)
 
 
 class _DisjointSets:
     """Disjoint sets of rates; one rate of each set, its smallest, represents it."""
 
     def __init__(self) -> None:
-        #: Another rate of the same set, for each rate but the representatives.
+        #: Another rate of the same set, for each rate except the representatives.
         self._next: dict[int, int] = {}
 
     def find(self, rate: int) -> int:
@@ -111,38 +94,91 @@ class _DisjointSets:
         return rate
 
     def unite(self, rates: Iterable[int]) -> bool:
-        """Unite the sets of these rates; whether they were different ones."""
+        """Unite the sets of these rates; returns whether they were different sets."""
         representatives = sorted({self.find(rate) for rate in rates})
         for other in representatives[1:]:
             self._next[other] = representatives[0]
         return len(representatives) > 1
 
 
-class _LinkInertia(NamedTuple):
-    """The inertia A = rigid - moving of a link with all that hangs on it, in its frame."""
+def _rates_of_groups(
+    tree: LinkTree, L: Sequence[Sparse], coupled: Iterable[Iterable[int]]
+) -> _DisjointSets:
+    """The rates of each group, as one set; the arguments are those of `groups`."""
+    sets = _DisjointSets()
+    for link in tree.links:
+        sets.unite(link.v)
+    for column_of_L in L:
+        sets.unite(column_of_L)
+    for rates in coupled:
+        sets.unite(rates)
+    # The links between the base of a group and its other links belong to the group too. With them
+    # two groups can become one, which may have another base. So this is repeated until it changes
+    # nothing.
+    changed = True
+    while changed:
+        changed = False
+        for representative, links in _links_by_set(tree, sets).items():
+            _, between = _base_and_links_between(tree, links)
+            for i in between:
+                if sets.unite((representative, *tree.links[i].v)):
+                    changed = True
+    return sets
 
-    #: The inertia if the joints of the groups that hang on it were fixed.
+
+def _links_by_set(tree: LinkTree, sets: _DisjointSets) -> dict[int, list[int]]:
+    """The links whose joints have a rate of each set, by the representative of the set."""
+    links: dict[int, list[int]] = {}
+    for i, link in enumerate(tree.links):
+        if link.v:
+            links.setdefault(sets.find(link.v[0]), []).append(i)
+    return links
+
+
+def _base_and_links_between(tree: LinkTree, links: Sequence[int]) -> tuple[int, list[int]]:
+    """The last link that carries all of these links, and the other links between it and them."""
+    paths = [tree.ancestors(tree.links[i].parent) for i in links]
+    shared = set(paths[0]).intersection(*paths[1:])
+    base = max(shared)  # parents have smaller indices
+    behind_base = {i for path in paths for i in path if i > base}
+    return base, sorted(behind_base - set(links))
+
+
+# --- elimination --------------------------------------------------------------------------------
+
+
+class _LinkInertia(NamedTuple):
+    """The inertia A = rigid - reduction of a link with all that hangs on it, in its frame."""
+
     rigid: SpatialInertia
-    #: The sum of F D^-1 F^T of these groups.
-    moving: SX
+    #: Shape (6, 6).
+    reduction: SX
 
 
 class _Elimination(NamedTuple):
-    """One group, eliminated; the letters are those of the module."""
+    """The elimination of one group with m coordinates; the letters are those of the module."""
 
     group: Group
-    #: t_i by link, shape (6, n).
+    #: t_i by link, shape (6, m).
     t: dict[int, SX]
+    #: Shape (6, m).
     F: SX
     D: SymmetricFactors
-    #: The diagonal of D as if all joints that hang on the group were fixed.
+    #: D^-1 F^T, shape (m, 6): what an acceleration of the base subtracts from those of the
+    #: coordinates.
+    base_gain: SX
+    #: The diagonal of D with rigid_i in place of A_i.
     rigid_diagonal: list[Any]
-    #: D^-1 F^T.
-    by_base: SX
 
 
 class ArticulatedBodies:
     """L^T M L, factorised group by group; see the module.
+
+    Args:
+        kinematics: The motion of the links.
+        dynamics: The dynamics of the tree.
+        L: Columns of L.
+        all_groups: The result of `groups`.
 
     Attributes:
         diagonal: Entries [k, k] of L^T M L, by coordinate.
@@ -154,96 +190,103 @@ class ArticulatedBodies:
         kinematics: Kinematics,
         dynamics: TreeDynamics,
         L: Sequence[Sparse],
-        hanging: Sequence[Group],
+        all_groups: Sequence[Group],
     ) -> None:
         self._links = kinematics.tree.links
         self._placements = kinematics.placements
+        self._dynamics = dynamics
         self.diagonal: list[Any] = [SX(0)] * len(L)
         self.inverses: list[Any] = [SX(0)] * len(L)
         #: From the tips to the ground.
         self._eliminations = list[_Elimination]()
-        inertias = [_LinkInertia(body, SX(6, 6)) for body in dynamics.link_inertias]
-        for group in hanging:
+        inertias = [_LinkInertia(rigid, SX(6, 6)) for rigid in dynamics.link_inertias]
+        for group in all_groups:
             columns = [L[k] for k in group.coordinates]
-            of_rotors = dynamics.inertia_of_rotors_and_lines(columns)
-            elimination = self._eliminated(group, columns, of_rotors, inertias)
+            elimination = self._eliminate(group, columns, inertias)
             self._eliminations.append(elimination)
             for place, k in enumerate(group.coordinates):
                 self.diagonal[k] = elimination.rigid_diagonal[place]
                 self.inverses[k] = elimination.D.inverses[place]
             if group.base:
-                rigid, moving = self._inertia_at_base(group, inertias)
-                moving = moving + _symmetric(elimination.F @ elimination.by_base)
-                inertias[group.base] = _LinkInertia(rigid, moving)
+                rigid, reduction = self._inertia_at_base(group, inertias)
+                reduction = reduction + _symmetric(elimination.F @ elimination.base_gain)
+                inertias[group.base] = _LinkInertia(rigid, reduction)
 
     def solve(self, b: SX) -> SX:
-        """x with L^T M L x = b, for each column of b."""
+        """x with L^T M L x = b, for each column of b.
+
+        Let w_i be the wrench that link i must exert on what hangs on it, and a_i the acceleration
+        of link i. From the tips to the ground, with zero acceleration of the base, each group gives
+
+            y = D^-1 (b - sum t_i^T w_i),   w_base += sum X_i^T w_i + F y.
+
+        From the ground to the tips, the acceleration of the base changes this to
+
+            x = y - D^-1 F^T a_base,   a_i = X_i a_base + t_i x.
+
+        In Featherstone's algorithm the wrenches w are the bias forces.
+        """
         count = b.shape[1]
-        # From the tips: y = D^-1 (b - sum t_i^T w_i), where the wrench w_i is what link i must
-        # exert on what hangs on it, and w_base += sum X_i^T w_i + F y. These are the bias forces
-        # of Featherstone's algorithm.
         wrenches = [SX(6, count) for _ in self._links]
-        y = list[SX]()
-        for group, t, F, D, _, _ in self._eliminations:
+        y_of_groups = list[SX]()
+        for elimination in self._eliminations:
+            group = elimination.group
             forces = b[group.coordinates, :]
             for i in group.links:
-                forces -= t[i].T @ wrenches[i]
-            y.append(D.solve(forces))
+                forces -= elimination.t[i].T @ wrenches[i]
+            y = elimination.D.solve(forces)
+            y_of_groups.append(y)
             on_links = {i: wrenches[i] for i in group.links}
-            wrenches[group.base] += self._sum_at_base(group, on_links, SX(6, count)) + F @ y[-1]
-        # From the ground: x = y - D^-1 F^T a_base, with the accelerations a_i of links.
+            at_base = self._sum_at_base(group, on_links, SX(6, count))
+            wrenches[group.base] += at_base + elimination.F @ y
+
         x = SX(*b.shape)
         accelerations = [SX(6, count) for _ in self._links]
-        for k in reversed(range(len(self._eliminations))):
-            elimination = self._eliminations[k]
+        for elimination, y in zip(reversed(self._eliminations), reversed(y_of_groups), strict=True):
             group = elimination.group
             of_base = accelerations[group.base]
-            x_group = y[k] - elimination.by_base @ of_base
-            x[group.coordinates, :] = x_group
-            with_base = {group.base: of_base}  # accelerations of links that are fixed to the base
+            x_of_group = y - elimination.base_gain @ of_base
+            x[group.coordinates, :] = x_of_group
+            fixed_to_base = {group.base: of_base}  # X_i a_base
             for i in group.links:
-                with_base[i] = self._continued(i, with_base[self._links[i].parent])
-                accelerations[i] = with_base[i] + elimination.t[i] @ x_group
+                of_parent = fixed_to_base[self._links[i].parent]
+                fixed_to_base[i] = self._twist_from_parent(i, of_parent)
+                accelerations[i] = fixed_to_base[i] + elimination.t[i] @ x_of_group
         return x
 
     # --- inside -----------------------------------------------------------------------------
 
-    def _eliminated(
-        self,
-        group: Group,
-        columns: Sequence[Sparse],
-        of_rotors: SX,
-        inertias: Sequence[_LinkInertia],
+    def _eliminate(
+        self, group: Group, columns: Sequence[Sparse], inertias: Sequence[_LinkInertia]
     ) -> _Elimination:
-        """The elimination of a group.
+        """Eliminate a group.
 
         Args:
             group: The group.
             columns: Its columns of L.
-            of_rotors: Inertia of its rotors and of masses of lines, for these columns.
             inertias: A_i of all links.
         """
         t = self._twists(group, columns)
-        # D = D_rigid + D_moving, by the two parts of the inertias.
-        D_rigid = of_rotors
-        D_moving = SX(*of_rotors.shape)
+        # D = D_rigid + D_reduction, by the two parts of the inertias A_i.
+        D_rigid = self._dynamics.inertia_of_rotors_and_lines(columns)
+        D_reduction = SX(*D_rigid.shape)
         momenta = dict[int, SX]()  # A_i t_i
         for i in group.links:
-            rigid, moving = inertias[i]
-            columns_of_rigid = [rigid.momentum(x) for x in ca.horzsplit(t[i])]
-            momentum = ca.horzcat(SX(6, 0), *columns_of_rigid)
-            D_rigid += t[i].T @ momentum
-            D_moving -= t[i].T @ moving @ t[i]
-            momenta[i] = momentum - moving @ t[i]
-        D = SymmetricFactors(_symmetric(D_rigid + D_moving))
+            rigid, reduction = inertias[i]
+            rigid_momenta = [rigid.momentum(twist) for twist in ca.horzsplit(t[i])]
+            rigid_momentum = ca.horzcat(SX(6, 0), *rigid_momenta)
+            D_rigid += t[i].T @ rigid_momentum
+            D_reduction -= t[i].T @ reduction @ t[i]
+            momenta[i] = rigid_momentum - reduction @ t[i]
+        D = SymmetricFactors(_symmetric(D_rigid + D_reduction))
         F = self._sum_at_base(group, momenta, SX(6, len(columns)))
         return _Elimination(
             group=group,
             t=t,
             F=F,
             D=D,
+            base_gain=D.solve(F.T),
             rigid_diagonal=[D_rigid[k, k] for k in range(len(columns))],
-            by_base=D.solve(F.T),
         )
 
     def _twists(self, group: Group, columns: Sequence[Sparse]) -> dict[int, SX]:
@@ -252,11 +295,14 @@ class ArticulatedBodies:
         for i in group.links:
             link = self._links[i]
             rates = ca.horzcat(SX(len(link.v), 0), *(column(x, link.v) for x in columns))
-            t[i] = self._continued(i, t[link.parent]) + sx(link.S) @ rates
+            t[i] = self._twist_from_parent(i, t[link.parent]) + sx(link.S) @ rates
         return t
 
-    def _continued(self, i: int, of_parent: SX) -> SX:
-        """Twists of link i from those of its parent, as if the joint between them were fixed."""
+    def _twist_from_parent(self, i: int, of_parent: SX) -> SX:
+        """Twist of link i from that of its parent, if the joint between them is fixed.
+
+        Several twists are side by side, shape (6, m), each in the axes of its own link.
+        """
         R, p = self._placements[i]
         u = of_parent[:3, :]
         omega = of_parent[3:, :]
@@ -269,30 +315,36 @@ class ArticulatedBodies:
         """
         if not group.base:
             return zero
-        carried = {**wrenches, group.base: zero}
+        sums = {**wrenches, group.base: zero}
         for i in reversed(group.links):
             R, p = self._placements[i]
-            force = R @ carried[i][:3, :]
-            moment = R @ carried[i][3:, :] + ca.skew(p) @ force
+            force = R @ sums[i][:3, :]
+            moment = R @ sums[i][3:, :] + ca.skew(p) @ force
             parent = self._links[i].parent
-            carried[parent] = carried[parent] + ca.vertcat(force, moment)
-        return carried[group.base]
+            sums[parent] = sums[parent] + ca.vertcat(force, moment)
+        return sums[group.base]
 
     def _inertia_at_base(self, group: Group, inertias: Sequence[_LinkInertia]) -> _LinkInertia:
         """The inertia of the base with the links of a group fixed to it: A_base + sum X^T A X."""
-        carried = {i: inertias[i] for i in (group.base, *group.links)}
+        sums = {i: inertias[i] for i in (group.base, *group.links)}
         for i in reversed(group.links):
             R, p = self._placements[i]
             parent = self._links[i].parent
-            carried[parent] = _LinkInertia(
-                rigid=carried[i].rigid.joined_to(carried[parent].rigid, R, p),
-                moving=carried[parent].moving + _moved(carried[i].moving, R, p),
+            sums[parent] = _LinkInertia(
+                rigid=sums[i].rigid.joined_to(sums[parent].rigid, R, p),
+                reduction=sums[parent].reduction + _at_parent(sums[i].reduction, R, p),
             )
-        return carried[group.base]
+        return sums[group.base]
 
 
-def _moved(A: SX, R: SX, p: SX) -> SX:
-    """X^T A X with the map X of twists of the parent to those of a link that is placed at R, p."""
+def _at_parent(A: SX, R: SX, p: SX) -> SX:
+    """X^T A X with the map X of twists of the parent to those of a link.
+
+    The link has the orientation R and the origin p in its parent. With A = [[M, H], [H^T, J]] in
+    the axes of the parent and P = skew(p), X subtracts P omega from u, so that
+
+        X^T A X = [[M, H - M P], [., J - H^T P + P (H - M P)]].
+    """
     M = _symmetric(R @ A[:3, :3] @ R.T)
     H = R @ A[:3, 3:] @ R.T
     J = R @ A[3:, 3:] @ R.T
@@ -303,5 +355,5 @@ def _moved(A: SX, R: SX, p: SX) -> SX:
 
 
 def _symmetric(A: SX) -> SX:
-    """A matrix by its upper triangle, so that no entry is computed twice."""
+    """A symmetric matrix from its upper triangle, so that no entry is computed twice."""
     return ca.triu2symm(ca.triu(A))
