@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives along the motions that keep the loops closed, on CasADi's symbols.
 
-As docs/derivatives.md: partial derivatives on the tree are CasADi's; the loops are differentiated
-implicitly, by the one factorisation of Phi_u. With the multipliers Lambda of the closures, let
+The method is that of docs/derivatives.md. CasADi differentiates functions of the tree without
+closures, in which q, v and v_dot are independent. How v and v_dot change with q follows from the
+closures, with the factors of Phi_u. With the multipliers Lambda of the closures, let
 
     F(q, v, v_dot, Lambda) = forces that the tree needs - Phi^T Lambda - B tau,
     c(q, v, v_dot) = Phi v_dot + Phi_dot v.
 
-The forces along the coordinates are f = L^T F, with constant Lambda and tau: L^T Phi^T is zero
-wherever the loops are closed, so that a change of Lambda changes no f. The change of f is
+The forces along the coordinates are f = L^T F. Lambda and tau are held constant. A change of Lambda
+would change no f, because L^T Phi^T is zero in all closed configurations. The change of f is
 
     df = L^T dF + dL^T F.
 
-The second term is zero. The rows of L for the coordinates are constant, the identity; along the
-other rates, which are dependent, Lambda makes F zero. In a direction x of the coordinates,
-dq = L x, and
+The second term is zero, for two reasons. The rows of L for the coordinates are constant (the
+identity). Along the dependent rates F is zero, by the choice of Lambda. In a direction x of the
+coordinates, dq = L x, and
 
     df = L^T (F_q dq + F_v dv + F_v_dot dv_dot)
     Phi dv = -Phi_dot(dq) v              from Phi v = 0, at constant va
@@ -22,10 +23,11 @@ dq = L x, and
 
 with the rate Phi_dot(dq) of Phi along dq. For derivatives by va, dq = 0 and dv = L x.
 
-They are computed in three ways: by Jacobians of the whole tree; by one coordinate after the other,
-with fewer operations for long trees with few coordinates (`Equations.derivatives_by_columns`); and
-along one direction that is an input, for kernels that compute several directions of one sample side
-by side (`along_directions`).
+`of_torques` and `of_accelerations` give all derivatives, in one of two ways: by Jacobians of the
+whole tree, or by one coordinate after the other. The second way takes fewer operations for long
+trees with few coordinates (`Equations.derivatives_by_columns`). `of_forces_along` gives the change
+of f along one direction that is an input. Kernels that compute several directions of one sample
+side by side use it (`along_directions`).
 """
 
 from collections.abc import Callable, Sequence
@@ -43,14 +45,15 @@ from .symbols import Sparse, add, column, is_zero, sparse, sx, symmetric
 
 
 class CheckedMatrix(NamedTuple):
-    """Derivatives with the checks of the linear solutions in them."""
+    """Derivatives, and the checks of the linear solutions that they need."""
 
     values: SX
+    #: Numbers that are at most 1 if the solutions are right; see `kernel_checks`.
     checks: list[Any]
 
 
 class ChangeOfForces(NamedTuple):
-    """Changes of f along a direction, with the checks of the linear solutions in them."""
+    """Changes of f along a direction, and the checks of the linear solutions that they need."""
 
     #: By q, shape (n,).
     by_q: SX
@@ -60,16 +63,17 @@ class ChangeOfForces(NamedTuple):
 
 
 def of_torques(e: Equations, checks: Checks) -> CheckedMatrix:
-    """Derivatives of f by q, va and aa side by side."""
+    """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
     no_torques = SX(*e.tau.shape)
     return _of_forces(e, checks, TreeDerivatives(e, e.aa, no_torques))
 
 
 def of_accelerations(e: Equations, checks: Checks) -> CheckedMatrix:
-    """Derivatives of aa by q, va and tau side by side.
+    """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors).
 
-    f(q, va, aa) = L^T B tau holds. So d(aa) is the inverse inertia matrix times -df at constant aa
-    and tau, or times L^T B d(tau).
+    The accelerations satisfy f(q, va, aa) = L^T B tau, and f contains aa as L^T M L aa. So the
+    derivatives are the inverse of L^T M L times -f_q, -f_va and L^T B. Here f_q and f_va are those
+    of f - L^T B tau at constant aa and tau.
     """
     of_forces = _of_forces(e, checks, TreeDerivatives(e, e.accelerations, e.tau))
     n = of_forces.values.shape[1] // 3
@@ -79,14 +83,18 @@ def of_accelerations(e: Equations, checks: Checks) -> CheckedMatrix:
 
 
 def of_displacement(e: Equations, step: Sparse) -> SX:
-    """-S [v, step], shape (n,): the effect of moving joint axes on a displacement xi."""
+    """-[v, step] along the coordinates, shape (n,).
+
+    For step = L e_k it is column k of D, which `Engine.displacement_rates` explains.
+    """
     return -column(_brackets(e, e.v, step), e.mechanism.coordinates.tolist())
 
 
 def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
-    """Joint by joint the Lie bracket [a, b] of rates, along the rates.
+    """The Lie bracket [a, b] of rates a and b of the tree, joint by joint.
 
-    For twists [u; omega] it is [omega_a x u_b + u_a x omega_b; omega_a x omega_b].
+    For two twists [u; omega] of a joint the bracket is the twist
+    [omega_a x u_b + u_a x omega_b; omega_a x omega_b]. S^T times it gives its rates.
     """
     brackets: Sparse = {}
     for link in e.kinematics.tree.links:
@@ -101,27 +109,28 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
 
 # --- the tree -----------------------------------------------------------------------------------
 
-#: Change of a function of q, v and v_dot, from changes of these along the rates of the tree.
+#: A function (dq, dv, dv_dot): the change of a function of q, v and v_dot for these changes of its
+#: arguments, all along the rates of the tree.
 Change = Callable[[Sparse, Sparse, Sparse], SX]
 
 
 class TreeDerivatives:
     """Derivatives on the tree, where q, v, v_dot and Lambda are independent.
 
-    The functions F and c of the module, and `slips`, are written on symbols of their own, those of
-    `Equations.displaced`. Derivatives by q are those by displacements along the rates. The results
-    are on the symbols of the equations.
+    The functions F, c and `slips` are written on separate symbols, those of `Equations.displaced`.
+    There, derivatives by q along the rates are derivatives by small displacements of the joints.
+    The derivatives are then evaluated: their values are expressions in the symbols of `e`.
 
     Args:
         e: The equations.
-        aa: Accelerations of the coordinates.
-        tau: Motor torques, which are held.
+        aa: Accelerations of the coordinates, at which derivatives are taken.
+        tau: Motor torques, which are constant.
 
     Attributes:
         rates: Indices of all rates of the tree.
-        q, v, v_dot: The symbols by which functions are differentiated.
-        F: Forces along the rates.
-        c: Phi v_dot + Phi_dot v, for each row of the factors of Phi_u.
+        q, v, v_dot: The symbols by which functions are differentiated; q are the displacements.
+        F: F of the module, shape (nv,).
+        c: c of the module, for each row of the factors of Phi_u.
         slips: Phi v of the rows that constrain rates only, zero for the other rows.
     """
 
@@ -134,40 +143,40 @@ class TreeDerivatives:
         needed = add(e.forces(v_dot_now), e.motor_forces(-tau))
         Lambda_now = e.multipliers(needed)
 
-        # The functions. Rates that are zero in e are left out here too.
-        own = e.displaced
-        rows = [own.rows[i] for i in e.factors.rows]
-        self.q = own.kinematics.displacement
+        # The functions, on the symbols of `displaced`. Rates that are zero in e are left out.
+        displaced = e.displaced
+        rows = [displaced.rows[i] for i in e.factors.rows]
+        self.q = displaced.kinematics.displacement
         self.v = SX.sym("v", nv)
         self.v_dot = SX.sym("v_dot", nv)
         Lambda = SX.sym("reactions", len(rows))
         v = {i: self.v[i] for i in e.v}
         v_dot = {i: self.v_dot[i] for i in v_dot_now}
-        twists = partial(own.kinematics.twist, v=v)
+        twists = partial(displaced.kinematics.twist, v=v)
         slips = []
         for row in rows:
             slips.append(row.velocity(v, twists) if row.residual is None else SX(0))
         self.slips = SX(ca.vertcat(*slips))
         self.c = SX(ca.vertcat(*(row.acceleration(v, v_dot) for row in rows)))
-        of_tree = _forces_with_closures(own, v, v_dot, rows, ca.vertsplit(Lambda))
-        self.F = column(add(of_tree, own.motor_forces(-own.tau)), self.rates)
+        without_motors = _forces_with_closures(displaced, v, v_dot, rows, ca.vertsplit(Lambda))
+        self.F = column(add(without_motors, displaced.motor_forces(-displaced.tau)), self.rates)
 
-        #: Pairs of symbols of the functions and their values.
+        # Each symbol of the functions and its value.
         arguments = [
-            (own.q, e.q),
+            (displaced.q, e.q),
             (self.q, SX(nv, 1)),
             (self.v, column(e.v, self.rates)),
             (self.v_dot, column(v_dot_now, self.rates)),
             (Lambda, column(Lambda_now, e.factors.rows)),
-            (own.p, e.p),
-            (own.loads, e.loads),
-            (own.tau, tau),
+            (displaced.p, e.p),
+            (displaced.loads, e.loads),
+            (displaced.tau, tau),
         ]
         self._symbols = [symbol for symbol, _ in arguments]
         self._values = [value for _, value in arguments]
 
     def jacobians(self, *pairs: tuple[SX, SX]) -> list[SX]:
-        """For each pair of a function and symbols, the derivative of the function by these."""
+        """For each pair of a function and symbols: the derivative of the one by the others."""
         results = [ca.jacobian(function, symbols) for function, symbols in pairs]
         return list(ca.Function("by", self._symbols, results).call(self._values))
 
@@ -187,7 +196,7 @@ class TreeDerivatives:
         return self._change(self.F)
 
     def _change(self, expression: SX) -> Change:
-        """Change of one of the functions by changes of q, v and v_dot."""
+        """The function (dq, dv, dv_dot) that gives the change of one of the functions."""
         nv = len(self.rates)
         change = SX.sym("change", 3 * nv)
         result = ca.jtimes(expression, ca.vertcat(self.q, self.v, self.v_dot), change)
@@ -205,8 +214,9 @@ def _forces_with_closures(
 ) -> Sparse:
     """Forces that the tree needs at v and v_dot, less Phi^T Lambda of some rows.
 
-    Phi^T Lambda is the gradient of the power Lambda . Phi v. Rows of frames depend on v by the
-    twists of links, so that their part is wrenches on links; rows of joints depend on v itself.
+    Phi^T Lambda is the gradient of the power Lambda . Phi v by v. A row between frames depends on
+    the twists of links, so the gradient by a twist is a wrench on a link. A row of joints depends
+    on v itself.
     """
     velocities, twists = velocities_by_twists(rows, v)
     power = -SX(total(x * velocity for x, velocity in zip(Lambda, velocities, strict=True)))
@@ -217,15 +227,20 @@ def _forces_with_closures(
     return add(forces, add(e.tree.friction(v), e.tree.springs(v)))
 
 
-def _Phi_dot_v(e: Equations, slips_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:
-    """Phi_dot(x) v for steps x of the tree, by default the columns of L, shape (rows, steps).
+def _Phi_dot_v(e: Equations, slips_q: SX, c_v: SX, steps: Sequence[Sparse]) -> SX:
+    """Phi_dot(x) v for each of several steps x of the tree, shape (rows, steps).
 
-    For a row that constrains rates only it is the change of the slip, `slips_q`. For the other rows
-    Phi is the derivative of a residual, and with the bracket [x, v] of the joints
+    For a row that constrains rates only, this is the change of its slip Phi v. For another row, Phi
+    is the derivative of a residual. Its second derivatives in the order x, v and in the order v, x
+    differ only by the bracket [x, v] of the joints:
 
-        Phi_dot(x) v - Phi_dot(v) x = Phi [x, v],   Phi_dot(x) v + Phi_dot(v) x = c_v x,
+        Phi_dot(x) v - Phi_dot(v) x = Phi [x, v].
 
-    so that it is (c_v x + Phi [x, v]) / 2.
+    The function c contains v in the term Phi_dot(v) v. Its derivative by v in the direction x is
+
+        c_v x = Phi_dot(x) v + Phi_dot(v) x.
+
+    Half of the sum of both equations is Phi_dot(x) v = (c_v x + Phi [x, v]) / 2.
 
     Args:
         e: The equations.
@@ -234,7 +249,7 @@ def _Phi_dot_v(e: Equations, slips_q: SX, c_v: SX, steps: Sequence[Sparse] | Non
         steps: Rates of the tree.
     """
     result = SX(c_v)
-    brackets = [_brackets(e, step, e.v) for step in steps or e.L]
+    brackets = [_brackets(e, step, e.v) for step in steps]
     for place, i in enumerate(e.factors.rows):
         row = e.rows[i]
         for k, bracket in enumerate(brackets):
@@ -257,12 +272,15 @@ def _of_forces(e: Equations, checks: Checks, tree: TreeDerivatives) -> CheckedMa
 
 
 def _of_forces_by_matrices(e: Equations, checks: Checks, tree: TreeDerivatives) -> CheckedMatrix:
-    """As `_of_forces`, with Jacobians on the tree.
+    """`_of_forces` by Jacobians on the tree.
 
-    F_v_dot is the mass matrix M of the tree. As only the dependent entries of dv_dot differ from
-    zero, L^T M dv_dot = -g (c_q dq + c_v dv), with g = (L^T M)_u Phi_u^-1: its rows are multipliers
-    of the forces M L. With G_q = L^T F_q - g c_q, G_v = L^T F_v - g c_v and the derivative V_q of v
-    by q along the columns of L,
+    F_v_dot is the mass matrix M of the tree. Only the dependent entries of dv_dot differ from zero,
+    and Phi_u times these is -c_q dq - c_v dv. So
+
+        L^T M dv_dot = -g (c_q dq + c_v dv)   with   g = (L^T M)_u Phi_u^-1.
+
+    Row k of g are the multipliers for the forces M L e_k. With G_q = L^T F_q - g c_q,
+    G_v = L^T F_v - g c_v and the derivative V_q of v by q along the columns of L,
 
         f_q = G_q L + G_v V_q,   f_va = G_v L,   f_aa = L^T M L.
     """
@@ -286,8 +304,8 @@ def _of_forces_by_matrices(e: Equations, checks: Checks, tree: TreeDerivatives) 
 
     # V_q: only the dependent rates change.
     columns_of_V = []
-    for rate_of_Phi_v in ca.horzsplit(_Phi_dot_v(e, slips_q @ L, c_v @ L)):
-        right = sparse(rows, -rate_of_Phi_v)
+    for Phi_dot_v in ca.horzsplit(_Phi_dot_v(e, slips_q @ L, c_v @ L, e.L)):
+        right = sparse(rows, -Phi_dot_v)
         dv = e.factors.solve(right)
         solution_checks += checks.unsolved(dv, right)
         columns_of_V.append(column(dv, tree.rates))
@@ -296,7 +314,7 @@ def _of_forces_by_matrices(e: Equations, checks: Checks, tree: TreeDerivatives) 
 
 
 def _of_forces_by_columns(e: Equations, checks: Checks, tree: TreeDerivatives) -> CheckedMatrix:
-    """As `_of_forces`, along one coordinate after the other."""
+    """`_of_forces` along one coordinate after the other."""
     n = len(e.L)
     by_q = list[SX]()
     by_va = list[SX]()
@@ -314,7 +332,7 @@ def _of_forces_by_columns(e: Equations, checks: Checks, tree: TreeDerivatives) -
 def of_forces_along(
     e: Equations, checks: Checks, tree: TreeDerivatives, direction: SX
 ) -> ChangeOfForces:
-    """Changes of f by q and by va along a direction of the coordinates."""
+    """Changes of f by q and by va along a direction x of the coordinates, shape (n,)."""
     rows = e.factors.rows
     zero_at_coordinates = [0.0] * direction.numel()
     none = Sparse()
@@ -329,7 +347,7 @@ def of_forces_along(
     dv_dot = e.complete(zero_at_coordinates, right_of_dv_dot)
     dF_by_q = sparse(tree.rates, tree.change_of_F(step, dv, dv_dot))
 
-    # By va: dv = L x, then dv_dot.
+    # By va: dq = 0, dv = L x, then dv_dot.
     right_by_va = sparse(rows, -c_v_step)
     dv_dot_by_va = e.complete(zero_at_coordinates, right_by_va)
     dF_by_va = sparse(tree.rates, tree.change_of_F(none, step, dv_dot_by_va))
@@ -348,7 +366,7 @@ def of_forces_along(
 def of_inertia_along(
     e: Equations, checks: Checks, tree: TreeDerivatives, direction: SX
 ) -> CheckedMatrix:
-    """The mass matrix times a direction of the coordinates, shape (n,)."""
+    """L^T M L times a direction of the coordinates, shape (n,): the change of f by aa."""
     none = Sparse()
     step = e.complete(ca.vertsplit(direction), none)
     dF_by_aa = sparse(tree.rates, tree.change_of_F(none, none, step))
