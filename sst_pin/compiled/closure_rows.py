@@ -446,13 +446,12 @@ class _Rolling:
 
     def _row_along(self, n: SX, height: SX | None) -> Row:
         """The row of the slip along an axis n of A."""
-        up = self._radius * self._up
         squared_gap = SX(0)
         if height is not None:
             squared_gap = height**2
         return self._pair.row(
             g_a=lambda u, omega: ca.dot(n, u + ca.cross(omega, self._c)),
-            g_b=lambda u, omega: ca.dot(n, u - ca.cross(omega, up)),
+            g_b=lambda u, omega: ca.dot(n, u - ca.cross(omega, self._radius * self._up)),
             acceleration=lambda v, dv: ca.dot(n, self._slip_rate(v, dv)),
             residual=height,
             squared_gap=squared_gap,
@@ -465,10 +464,11 @@ class _Rolling:
         rates as those along fixed axes.
         """
         of_a, of_b = self._pair.motions(v, dv)
-        up = self._radius * self._up
-        up_dot = self._radius * self._up_rate(of_a, of_b)
-        c_dot = self._pair.d_dot(v) - up_dot
-        at_b = of_b.acceleration - ca.cross(of_b.alpha, up) - ca.cross(of_b.omega, up_dot)
+        r = self._radius
+        up_dot = self._up_rate(of_a, of_b)
+        c_dot = self._pair.d_dot(v) - r * up_dot
+        at_b = of_b.acceleration
+        at_b = at_b - ca.cross(of_b.alpha, r * self._up) - ca.cross(of_b.omega, r * up_dot)
         at_a = of_a.acceleration + ca.cross(of_a.alpha, self._c)
         return at_b - at_a - ca.cross(of_a.omega, c_dot)
 
