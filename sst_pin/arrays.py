@@ -8,12 +8,13 @@ are those of a batch: without them the array is a single sample.
 import math
 import operator
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
+from fnmatch import fnmatchcase
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InputError, SSTError
+from .errors import InputError, SSTError, UnknownNameError
 from .progress import counted
 
 # Arrays of real numbers, of indices, and of booleans.
@@ -206,6 +207,28 @@ def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
     if not all(isinstance(word, str) for word in words):
         raise InputError(name, f"{words!r}: each must be a string")
     return words
+
+
+def matching_names(kind: str, pattern: str, known: Sequence[str]) -> list[str]:
+    """The known names that match a pattern, such as "crank.*", in their order.
+
+    A pattern that is itself a known name matches this name only: a name such as "leg[1].mass" may
+    contain characters that have a meaning in patterns.
+
+    Args:
+        kind: What the names are, such as "parameter", for the message of the error.
+        pattern: A name, or a pattern as in `fnmatch`.
+        known: All names.
+
+    Raises:
+        UnknownNameError: If no name matches.
+    """
+    if pattern in known:
+        return [pattern]
+    matches = [name for name in known if fnmatchcase(name, pattern)]
+    if not matches:
+        raise UnknownNameError(kind, pattern, known)
+    return matches
 
 
 def require_instance(name: str, value: object, kind: type) -> None:

@@ -185,3 +185,11 @@ def test_the_binding_says_what_its_stub_says():
             if not name.startswith("__")
         }
         assert compiled_ones == declared
+
+
+def test_a_name_with_characters_of_patterns_matches_itself():
+    known = ["leg[1].mass", "leg1.mass", "leg2.mass"]
+    assert arrays.matching_names("parameter", "leg[1].mass", known) == known[:1]
+    assert arrays.matching_names("parameter", "leg?.mass", known) == known[1:]
+    with pytest.raises(sst_pin.UnknownNameError, match=r"parameter 'arm\.\*' not in the model"):
+        arrays.matching_names("parameter", "arm.*", known)

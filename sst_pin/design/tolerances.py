@@ -3,15 +3,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fnmatch import filter as matching
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, positive_number
+from ..arrays import Array, finite_array, matching_names, positive_number
 from ..closed_chain import ClosedChain
 from ..engine import require_robot
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError
 from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
 
@@ -80,9 +79,7 @@ def tolerances(
     sizes = dict[str, float]()
     known = chain.design_parameters
     for pattern, value in deviations.items():
-        names = [pattern] if pattern in known else matching(known, str(pattern))
-        if not names:
-            raise UnknownNameError("design parameter", pattern, list(known))
+        names = matching_names("design parameter", str(pattern), known)
         sizes |= dict.fromkeys(names, positive_number(pattern, value, or_zero=True))
 
     # Derivatives of each subject by the parameters, shape (N, components, parameters).

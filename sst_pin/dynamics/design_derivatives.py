@@ -20,15 +20,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from fnmatch import filter as matching
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, for_each_sample, in_order, single_array
+from ..arrays import Array, for_each_sample, in_order, matching_names, single_array
 from ..arrays import names as checked_names
-from ..errors import InputError, SingularConfigurationError, UnknownNameError
+from ..errors import InputError, SingularConfigurationError
 from ..model.closures import Coupling
 from ..model.enlarged_tree import RestingJoint, enlarged, with_extended_rods
 from ..model.geometry import displaced, displacements, extensions, parameter_names
@@ -116,10 +115,7 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
         factors: dict[str, float] = {}
         for pattern, factor in patterns.items():
             number = float(single_array("factors", factor, ()))
-            names = [pattern] if pattern in known else matching(known, str(pattern))
-            if not names:
-                raise UnknownNameError("design parameter", str(pattern), list(known))
-            for name in names:
+            for name in matching_names("design parameter", str(pattern), known):
                 factors[name] = factors.get(name, 0.0) + number
         label = " + ".join(map(str, patterns))
         groups.append(Group(label, factors))

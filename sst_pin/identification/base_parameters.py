@@ -10,18 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import arrays
-from ..arrays import Array, Indices, in_order
+from ..arrays import Array, Indices, in_order, matching_names
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
 from ..engine import require_robot
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError
 from ..summaries import Summary, listed
 from .random_states import random_states
 
@@ -183,13 +182,10 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
     if not patterns:
         raise InputError("which", "no names; None considers all parameters of bodies")
-    is_considered = np.zeros(len(names), dtype=bool)
+    matches = set[str]()
     for pattern in patterns:
-        fits = np.array([fnmatchcase(name, pattern) for name in names])
-        if not fits.any():
-            raise UnknownNameError("parameter", pattern, list(names))
-        is_considered |= fits
-    return np.flatnonzero(is_considered)
+        matches.update(matching_names("parameter", pattern, names))
+    return np.flatnonzero([name in matches for name in names])
 
 
 def _combination_name(row: Array, names: Sequence[str]) -> str:

@@ -77,6 +77,14 @@ def test_parameters_that_no_motion_shows_are_named():
     assert len(base.names) == len(base) == np.linalg.matrix_rank(base.matrix)
 
 
+def test_a_joint_whose_name_looks_like_a_pattern_is_named():
+    model = robots.four_bar().model
+    model.names[model.getJointId("coupler")] = "coupler[1]"
+    named = ClosedChain(model, robots.four_bar().closures, ["crank"])
+    base = base_parameters(named, ["coupler[1].izz"])
+    assert base.names == ("coupler[1].izz",)
+
+
 def test_a_motion_shows_less_than_random_states():
     """At rest there is no inertia to be seen."""
     chain = robots.five_bar()
