@@ -11,15 +11,15 @@ rates of these joints, with closed loops, has the derivatives of the frame's pos
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
+from ..arrays import Array, matching_names
+from ..arrays import names as checked_names
 from ..closed_chain import ClosedChain
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError
 from ..model import geometry
 from ..model.enlarged_tree import RestingJoint, enlarged, with_extended_rods
 from ..model.thresholds import RANK_TOLERANCE
@@ -134,8 +134,12 @@ def considered_errors(
             if place in storable and place not in measured:
                 patterns.append(f"{place}.*")
     else:
-        patterns = list(which)
-    considered = _matches([*lengths, *error_names(places)], patterns)
+        patterns = list(checked_names("which", which))
+    all_names = [*lengths, *error_names(places)]
+    matches = set[str]()
+    for pattern in patterns:
+        matches.update(matching_names("error of the geometry", pattern, all_names))
+    considered = [name for name in all_names if name in matches]
     not_storable = []
     for name in considered:
         if name not in lengths and name.rpartition(".")[0] not in storable:
@@ -144,14 +148,3 @@ def considered_errors(
         problem = f"{urdf} cannot store {listed(not_storable)}: no joint of it is there"
         raise InputError("which", f"{problem}; leave them out")
     return considered
-
-
-def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
-    """Names of errors that match one of some patterns, in their order; each pattern must match."""
-    chosen = set[str]()
-    for pattern in patterns:
-        matches = [name for name in names if fnmatchcase(name, pattern)]
-        if not matches:
-            raise UnknownNameError("error of the geometry", pattern, names)
-        chosen.update(matches)
-    return [name for name in names if name in chosen]

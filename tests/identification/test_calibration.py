@@ -221,3 +221,10 @@ def test_where_brakes_hold_is_no_matter_of_the_home():
     result = calibrate(braked, "platform", x[:, 1:], poses, which=["rod_*.x"], start=start)
     # 1e-11 as without brakes, but the start closes its loops to 1e-10 only
     assert_allclose(result.values, [rods[name] for name in result.names], atol=1e-9)
+
+
+def test_a_single_string_is_no_sequence_of_errors():
+    drawn, actual, _, x = deltas()
+    poses = poses_of(actual, x[:8], "platform")
+    with pytest.raises(sst_pin.InputError, match=r"^which: 'motor_1.ry': a sequence of names"):
+        calibrate(drawn, "platform", x[:8], poses, which="motor_1.ry")
