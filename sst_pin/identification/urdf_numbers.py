@@ -14,7 +14,7 @@ from ..dynamics.regressor import OF_BODY
 from ..engine import require_robot
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import as_path, text_writer, write_files
-from ..model.weight_shares import checked_shares
+from ..model.weight_shares import WHOLE_WEIGHT, checked_shares
 from ..reading import Urdf
 from ..reading.inertia_checks import ENTRIES
 from ..reading.joint_graph import origin_of
@@ -84,44 +84,50 @@ def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
     return text_for_folder(root, Path(urdf).resolve().parent, folder.resolve())
 
 
-# A joint of a URDF can be several joints of the model, in series between its two links:
-# - A universal joint of the YAML is two joints with capitals, NAME_X and NAME_Y.
-# - If only some rates of a joint are locked, each of its other rates is a joint with small letters,
-#   such as NAME_wx.
-# - A fixed or locked joint is none.
+# The joint NAME of a URDF can be one, several or no joints of the model, in series between its two
+# links:
+# - Most joints are one joint of the model, NAME.
+# - A universal joint, which the YAML declares, is two joints with capitals, NAME_X and NAME_Y.
+# - If only some rates of a joint are locked, each free rate is a joint with small letters, such as
+#   NAME_wx. A URDF cannot store such a joint.
+# - A fixed or locked joint is no joint of the model.
 
 
 def _series(joint: ET.Element, links: Mapping[str, pin.Frame], model: pin.Model) -> list[str]:
-    """The joints of the model between the links of a joint of a URDF; none if it is fixed."""
+    """Names of the joints of the model between the two links of a joint of a URDF.
+
+    The list is empty for a fixed or locked joint, and for links that the model does not have.
+    """
     parent = link_frame(joint, "parent", links)
     child = link_frame(joint, "child", links)
     if parent is None or child is None:
         return []
+    # From the child link towards the base, up to the joint that moves the parent link.
     series = list[str]()
     j = child.parentJoint
     while j not in (0, parent.parentJoint):
         series.insert(0, model.names[j])
         j = model.parents[j]
-    if j != parent.parentJoint:  # the URDF of another robot
+    if j != parent.parentJoint:  # the base was reached first: the URDF of another robot
         return []
     return series
 
 
 def _partly_locked_joints(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
-    """The joints of which only some rates are locked, which a URDF cannot store.
+    """The joints of a URDF of which only some rates are locked, by their names.
 
-    For each of them the joints of the model that are left of it.
+    The values are the names of the joints of the model that stand for their free rates.
     """
     links = link_frames(model)
     partly_locked = dict[str, list[str]]()
     for joint in root.findall("joint"):
         name = joint.get("name", "")
         series = _series(joint, links, model)
-        suffixes = [part.removeprefix(f"{name}_") for part in series if part != name]
-        if suffixes:
-            is_universal = len(series) > 1 and not suffixes[0].islower()
-            if not is_universal:
-                partly_locked[name] = series
+        if not series or series == [name]:
+            continue
+        is_universal = len(series) > 1 and not series[0].removeprefix(f"{name}_").islower()
+        if not is_universal:
+            partly_locked[name] = series
     return partly_locked
 
 
@@ -143,7 +149,12 @@ def _fix_locked_joints(root: ET.Element, model: pin.Model) -> None:
 
 
 def _put_bodies(root: ET.Element, model: pin.Model, urdf: str) -> None:
-    """Give each body of the model to the first link with an inertia that moves with it."""
+    """Write the inertia of each body of the model into one of its links.
+
+    A body consists of all links that one joint moves; they are fixed to each other. Its inertia is
+    written into the first of these links that had an inertia, or else into the first link. The
+    other links of the body lose their inertias.
+    """
     elements = {element.get("name"): element for element in root.findall("link")}
     frames = [frame for frame in link_frames(model).values() if frame.name in elements]
     for j in range(1, model.njoints):
@@ -174,13 +185,17 @@ def _inertial(inertia: pin.Inertia) -> ET.Element:
 
 
 def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
-    """Give each joint its friction; none where the rates of a joint have different friction."""
+    """Write the friction of each joint, [N m s/rad] and [N m], or [N s/m] and [N].
+
+    A URDF has one number for all rates of a joint. Where the rates have different friction, 0 is
+    written.
+    """
     friction = chain.mechanism.friction
     space = chain.mechanism.space
     model = chain.mechanism.model
     links = link_frames(model)
     for joint in root.findall("joint"):
-        rates: list[int] = []
+        rates = list[int]()
         for part in _series(joint, links, model):
             rates.extend(space.rates[part])
         if not rates:
@@ -203,10 +218,11 @@ def _common_value(values: Array) -> float:
 def _differences(
     chain: ClosedChain, urdf: Urdf, partly_locked: Mapping[str, Sequence[str]]
 ) -> list[str]:
-    """Names of the parameters that a URDF, with the YAML beside it, gives other values.
+    """Names of the parameters that have other values when the URDF and its YAML are read again.
 
-    `partly_locked` has the joints of which only some rates are locked, with their joints in the
-    model. These have other names in the URDF and are not compared.
+    Raises a `DescriptionError` if these are parameters of bodies, because then the URDF describes
+    another robot. `partly_locked` is the result of `_partly_locked_joints`. The joints in its
+    values have other names in the URDF, so they are not compared.
     """
     not_compared = set[str]()
     for series in partly_locked.values():
@@ -228,13 +244,15 @@ def _differences(
     if of_bodies:
         raise DescriptionError(urdf.source, [f"it is another robot: {listed(of_bodies)} differ"])
 
-    # Links that are fixed to each other are one link now, though their shares may differ.
+    # Links that are fixed to each other are one link now, but their shares of the weight may differ
+    # (see `model.weight_shares`). Each array is [share; offset], where the offset is a length.
     shares = checked_shares(chain.weight_shares)
     shares_again = checked_shares(chain_again.weight_shares)
-    whole = np.array([1.0, 0, 0, 0])
-    for joint in {**shares, **shares_again}:
-        difference = shares.get(joint, whole) - shares_again.get(joint, whole)
-        allowed = _EQUAL * np.array([1, *[chain.mechanism.length] * 3])
-        if (np.abs(difference) > allowed).any() and joint not in not_compared:
+    length = chain.mechanism.length
+    allowed = _EQUAL * np.array([1.0, length, length, length])
+    for joint in shares | shares_again:
+        share = shares.get(joint, WHOLE_WEIGHT)
+        share_again = shares_again.get(joint, WHOLE_WEIGHT)
+        if (np.abs(share - share_again) > allowed).any() and joint not in not_compared:
             different.append(f"{joint}: {chain.weight_shares.get(joint, 1.0)} in weight_shares")
     return different

@@ -26,7 +26,7 @@ from .tree import joint_id
 Share = float | Sequence[float]
 
 #: [s, d_x, d_y, d_z] of a body with its whole weight.
-_WHOLE = np.array([1.0, 0, 0, 0])
+WHOLE_WEIGHT = read_only(np.array([1.0, 0.0, 0.0, 0.0]))
 _NO_OFFSET = read_only(np.zeros(3))  # all links without an offset share it
 
 
@@ -100,10 +100,10 @@ def weight_shares_of(model: pin.Model, shares: Mapping[str, Array]) -> WeightSha
     `shares` are results of `checked_shares`, by the names of joints. Other bodies have their whole
     weight.
     """
-    of_bodies = np.tile(_WHOLE, (model.njoints - 1, 1))
+    of_bodies = np.tile(WHOLE_WEIGHT, (model.njoints - 1, 1))
     for name, share_and_offset in shares.items():
         of_bodies[joint_id(model, name) - 1] = share_and_offset
-    if (of_bodies == _WHOLE).all():
+    if (of_bodies == WHOLE_WEIGHT).all():
         return None
     return WeightShares(of_bodies[:, 0], of_bodies[:, 1:])
 
@@ -126,7 +126,7 @@ def checked_shares(shares: Mapping[str, Share] | object) -> dict[str, Array]:
         raise InputError("weight_shares", problem)
     checked = dict[str, Array]()
     for name, share in shares.items():
-        share_and_offset = _WHOLE.copy()
+        share_and_offset = WHOLE_WEIGHT.copy()
         numbers = as_array(f"weight_shares {name}", share, ())
         if numbers.ndim:
             share_and_offset[:] = single_array(f"weight_shares {name}", numbers, (4,))
@@ -152,7 +152,7 @@ def shares_of_links(model: pin.Model, links: Iterable[Link]) -> dict[str, Array]
             share_and_offset = np.array(different.pop())
         else:
             share_and_offset = _mean_share(model.names[joint], links_of_body)
-        if (share_and_offset != _WHOLE).any():
+        if (share_and_offset != WHOLE_WEIGHT).any():
             shares[model.names[joint]] = share_and_offset
     return shares
 
