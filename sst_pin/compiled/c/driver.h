@@ -70,6 +70,7 @@ INLINE void give(const real *y, const sample_array *to, ptrdiff_t first, int lan
     }
 }
 
+/* The lanes where x is false. */
 INLINE mask opposite(mask x)
 {
     return x == (mask){0};
@@ -96,10 +97,10 @@ INLINE mask judge(const real *x, int angles, int inputs, const real *y, int outp
 /* --- kernels that take whole samples ---------------------------------------------------------- */
 
 /* Run the kernel f for `count` samples. `in` are its inputs: `arrays` of them, with these sizes, of
- * `inputs` numbers in all. The first `nq` numbers are q. With a kernel `close`, which makes a step
- * of Newton's method, the loops are closed first: q of a state between two steps of an integrator
- * is not. `bad` gets a 1 for each sample that is not valid. Returns whether there is one. x and y
- * are workspace. */
+ * `inputs` numbers in all. The first `nq` numbers are q. If there is a kernel `close`, which makes
+ * a step of Newton's method, it closes the loops first: integrators ask for states inside their
+ * steps, whose loops are open. `bad` gets a 1 for each sample that is not valid. Returns whether
+ * there is one. x and y are workspace. */
 INLINE int run(kernel_function *f, kernel_function *close, int arrays, const int *sizes, int nq,
     int inputs, int outputs, int checks, real *x, real *y, const sample_array *in,
     const sample_array *out, const double *p, ptrdiff_t count, unsigned char *bad)
@@ -304,8 +305,8 @@ typedef struct {
      * callers */
     kernel_function *close;
     const double *units;
-    /* A motion ends if closing the loops after a step moves q by more than
-     * bend * length of the step + tolerance: h is then too long for the curvature of the motion. */
+    /* A step is bent if closing the loops after it moves q by more than bend times the length of
+     * the step + tolerance: h is then too long for the curvature of the motion, which ends. */
     double bend, tolerance;
     double travel; /* longest sound step */
     double nearby; /* longest step of Newton's method that closes the middle of a sound step */
@@ -337,8 +338,7 @@ INLINE void runge_kutta(const stepper *f, real *x, real *y, real *start, real *e
     double h, const motion_array *tau, ptrdiff_t half, ptrdiff_t s, ptrdiff_t first, int lanes)
 {
     static const double weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
-    /* From each stage but the last to the next one: its time, as a part of h and in halves of a
-     * step. */
+    /* The time of the next stage, as a part of h, and in halves of a step. */
     static const double ahead[] = {0.5, 0.5, 1};
     static const int halves[] = {1, 1, 2};
     const int states = f->q + f->va;
@@ -396,8 +396,7 @@ INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
     return det;
 }
 
-/* Whether det Phi_u changes by at most the factor `change`, or 1 / change, between configurations.
- * */
+/* The lanes where det Phi_u changes by less than the factor `change`, or more than 1 / change. */
 INLINE mask changes_little(const stepper *f, real from, real to)
 {
     const real ratio = to / from, least = (real){0} + 1 / f->change;

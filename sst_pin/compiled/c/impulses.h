@@ -22,9 +22,9 @@
  * Newton's method finishes. `_Problem` of dynamics/impulses.py is the same solver without the first
  * steps; that file cites the sources and gives the reasons for the constants. */
 
-/* The residual is the largest |F|, relative to the largest impulse. A residual below SOLVED makes a
- * solution; below ROUNDING the solution cannot become better. In single precision rounding leaves
- * residuals of some 3e-7. */
+/* The residual is the largest |F|, relative to the largest impulse. x is a solution if its residual
+ * is below SOLVED, and an exact one, up to rounding, if it is below ROUNDING. In single precision
+ * rounding leaves residuals of some 3e-7. */
 #ifdef SINGLE
 #define SOLVED 1e-5f
 #define ROUNDING 1e-6f
@@ -46,7 +46,7 @@
 /* Kinds of rows. */
 enum { STOP, DRY, SIDE, NORMAL };
 
-/* P is another formula in each region of y; this is the one that holds for a row i:
+/* P has a different formula in each region of y. The cases for a row i:
  *
  *     AT_BOUND   P_i is constant
  *     INSIDE     P_i = y_i

@@ -18,9 +18,9 @@ typedef struct {
     ptrdiff_t *reached;        /* number of steps that each motion has made, (count,) */
 } motions;
 
-/* Workspace: of LANES robots the inputs x = (q, va, load) of the kernels, their results y and two
- * configurations `ends`; of one robot its terms, q and va; `work` and `flags` of `nonsmooth_step`.
- * */
+/* Workspace. Of LANES robots: the inputs x = (q, va, load) of the kernels, their results y, and two
+ * configurations `ends`. Of one robot: its terms, q and va; `work` and `flags` of
+ * `nonsmooth_step`. */
 typedef struct {
     real *x, *y, *ends;
     double *terms, *q, *va;

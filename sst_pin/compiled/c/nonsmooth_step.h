@@ -543,8 +543,8 @@ INLINED void set_rates(const step_start *b, const number *A, int wide, const num
 
 /* --- the step --------------------------------------------------------------------------------- */
 
-/* Factorise A and set the free rates and the rows of cables. False if A is not positive definite.
- * */
+/* Set the factors of A, the free rates and the rows of cables. False if A is not positive
+ * definite. */
 INLINED int set_free_rates(const step_start *b, const step_workspace *s)
 {
     number *momentum = s->free_rates; /* becomes the free rates */
@@ -559,10 +559,10 @@ INLINED int set_free_rates(const step_start *b, const step_workspace *s)
 }
 
 /* One step of length h from q, at which the kernel has these terms. The rates va become those at
- * the end of the step. The impulses x of the step before, where the solver starts, become those of
- * this step. `residual` gets the error of x, see impulses.h; `series` is the most series of the
- * solver. False if A is not positive definite or a rate is not finite. `work` and `flags` are
- * workspace. */
+ * the end of the step. x are the impulses of the step before, from which the solver starts, and
+ * become those of this step. `residual` gets the error of x, see impulses.h; `series` is the most
+ * series of the solver. False if A is not positive definite or a rate is not finite. `work` and
+ * `flags` are workspace. */
 FAST int nonsmooth_step(const robot_tables *robot, const number *terms, const number *q, number *va,
     const number *tau, const number *held, number h, const number *numbers, int series, number *x,
     number *residual, number *work, int *flags)
@@ -634,8 +634,8 @@ FAST int nonsmooth_step(const robot_tables *robot, const number *terms, const nu
     return IS_FINITE(sum);
 }
 
-/* Whether a motion may start at q: each gap is at least `factor` times its least gap, which is
- * negative: a small violation is allowed. */
+/* Whether a motion may start at q: each gap is at least `factor` times its least gap. Least gaps
+ * are negative, so that a small violation is allowed. */
 FAST int may_start(const robot_tables *robot, const number *terms, const number *q,
     const number *numbers, number factor)
 {

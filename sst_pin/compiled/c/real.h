@@ -153,8 +153,7 @@ HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
  * cos 2y, and an odd n changes both signs. */
 HELPER void sine_cosine(const turn *x, turn *sine, turn *cosine)
 {
-    /* 1.5 * 2^52: a sum with this number is rounded to a whole one, and its last bit is set if n is
-     * odd */
+    /* 1.5 * 2^52: a sum with this number is whole, and its last bit is set if n is odd */
     const double round = 6755399441055744.0;
     const turn t = *x * 0.31830988618379067154 + round, n = t - round;
     /* pi in three parts; the first two have 33 bits, so that their products with n are exact */
@@ -192,9 +191,9 @@ HELPER void sines_cosines(int n, const real *x, real *sines, real *cosines)
 }
 
 /* The hyperbolic tangent, to a few roundings: tanh x = -sign(x) z / (z + 2) with z = exp(-2 |x|) -
- * 1. Taylor's series gives exp(y) - 1 for y = -2 |x| / 128, and seven doublings of the exponent
- * follow, exp(2 y) - 1 = z (z + 2). Beyond 20, where tanh x is 1 up to rounding, |x| counts as 20.
- * */
+ * 1. Taylor's series gives exp(y) - 1 for y = -2 |x| / 128. Seven doublings of the exponent follow:
+ * if z = exp(y) - 1, then exp(2 y) - 1 = z (z + 2). Beyond 20, where tanh x is 1 up to rounding,
+ * |x| counts as 20. */
 HELPER real tangent(real x)
 {
     const real side = SIGN(x), far = N(0.5) * (SIGN(side * x - N(20.0)) + N(1.0));
@@ -217,7 +216,8 @@ HELPER real direction(real x, number width, number rest)
     return SIGN(x) * (N(1.0) - AT_MOST(ABSOLUTE(x), rest));
 }
 
-/* The force of Coulomb friction at a rate x, without its minus sign; most joints have none. */
+/* Coulomb friction at a rate x, in the direction of the rate; callers subtract it. Most joints have
+ * none. */
 HELPER real rubbing(real x, number coulomb, number width, number rest)
 {
     const real zero = {0};
