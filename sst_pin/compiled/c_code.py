@@ -283,7 +283,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     else:
         entries = _entry("run.c", "run", sizes, blanks | {"close": "NULL"})
     head = part("real.h")
-    driver = [head, part("ways.h"), part("driver.h")]
+    driver = [head, part("distances.h"), part("driver.h")]
     prepare = filled("entries/prepare.c", blanks)
     first_source = "\n".join([*driver, *sources.texts, prepare, *entries])
     if not sources.functions:

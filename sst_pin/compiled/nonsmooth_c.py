@@ -103,7 +103,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     code = bodies(source.kernels, in_memory=True)
     parts = [
         f"#define LANES {lanes}",
-        *map(part, ("real.h", "ways.h", "driver.h", *SOLVER)),
+        *map(part, ("real.h", "distances.h", "driver.h", *SOLVER)),
         *code.texts,
         *map(part, ("nonsmooth_move.h", "nonsmooth.h")),
     ]

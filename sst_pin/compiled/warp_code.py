@@ -167,7 +167,7 @@ def _kernel(
     body = [
         f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
         f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
-        *map(c_code.part, ("real.h", "ways.h", "warp.h")),
+        *map(c_code.part, ("real.h", "distances.h", "warp.h")),
         *sources.texts,
         *sources.functions,
         *code,

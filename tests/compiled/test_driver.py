@@ -61,7 +61,7 @@ int passes(double check)
 @pytest.fixture(scope="module", params=[1, 8], ids="{} lanes".format)
 def library(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("driver") / "driver.so"
-    source = "\n".join([*map(part, ("real.h", "ways.h", "driver.h")), SOURCE])
+    source = "\n".join([*map(part, ("real.h", "distances.h", "driver.h")), SOURCE])
     compile_library([source], path, ["-O0", f"-DLANES={request.param}"])
     library = ctypes.CDLL(str(path))
     library.closed.argtypes = [ctypes.c_double, ctypes.c_double]

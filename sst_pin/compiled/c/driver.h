@@ -8,7 +8,7 @@
  *     run_by_directions   a kernel that computes a matrix for one direction after the other
  *     roll                rollouts
  *
- * The files real.h (`real`, `mask`, LANES) and ways.h come before this one. */
+ * The files real.h (`real`, `mask`, LANES) and distances.h come before this one. */
 #include <stddef.h>
 #include <string.h>
 

@@ -3,7 +3,7 @@
  * and in Warp. The generated kernels `advance` (rates of q) and `closing` (a step of Newton's
  * method onto the closures) come before it. */
 
-/* When a step is sound. Distances of configurations are free of units, see ways.h. */
+/* When a step is sound. Distances of configurations are free of units, see distances.h. */
 typedef struct {
     int q;
     const number *units;
