@@ -137,10 +137,10 @@ function engine(functions, data) {
 
   // --- the state -----------------------------------------------------------------------------
 
-  // `way` says how the motors are driven: not at all; "hold", which holds the coordinates; or
-  // "sliders", which set `efforts`. A grip is a hand at a point of a body: { body, at, mass, pull
-  // }, `at` in the body's axes. With { target } it pulls the point there, with { force, until } it
-  // pushes until this time.
+  // `way` says how the motors are driven: "none"; "hold", which holds the coordinates; or
+  // "sliders", which set `efforts`. A grip is a hand at the point `at` of a body, in the axes of
+  // the body. If it has a `target`, a spring pulls the point there; else it pushes with a `force`,
+  // `until` some time. `gripped` says what its `mass` and `pull` are.
   const robot = {
     q: data.q.slice(),
     va: data.va.slice(),
@@ -187,8 +187,9 @@ function engine(functions, data) {
     return Math.max(1, ...own.parts.map((part) => conditionOf(Phi, part.rates, part.size)));
   }
 
-  // Condition number of some columns of Phi, from the eigenvalues of their Gram matrix. `size` is
-  // the usual largest singular value: a part with a single column is compared with it.
+  // Condition number of some columns of Phi, which is stored row by row, from the eigenvalues of
+  // their Gram matrix. `size` is the usual largest singular value: a part with a single column is
+  // compared with it.
   function conditionOf(Phi, columns, size) {
     const product = (i, j) => { // of columns i and j
       let sum = 0;
