@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 # cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
-"""Compiled kernels for NumPy: float64 rows in, float64 rows out, nothing else."""
+"""Compiled kernels for NumPy: float64 arrays in, float64 arrays out, nothing else.
+
+`Kernel` evaluates a function for one sample or many, `RolloutKernel` integrates motions. Both hand
+the memory of NumPy's arrays to C, which `batches.h` shares among threads.
+"""
 
 cimport cython
 cimport numpy as cnp
@@ -32,32 +36,35 @@ cdef extern from *:
     const char *instructions()
 
 cdef extern from "batches.h":
-    ctypedef struct rows:
+    ctypedef struct sample_array:
         char *data
-        ptrdiff_t row
-        ptrdiff_t column
-    ctypedef struct courses:
-        rows at
-        ptrdiff_t step
+        ptrdiff_t sample_stride
+        ptrdiff_t number_stride
+    ctypedef struct motion_array:
+        sample_array at
+        ptrdiff_t step_stride
     ctypedef int (*run_function)(
-        const rows *, const rows *, const double *, ptrdiff_t, unsigned char *
+        const sample_array *inputs, const sample_array *output, const double *p, ptrdiff_t count,
+        unsigned char *bad
     ) noexcept nogil
     ctypedef int (*roll_function)(
-        const rows *, const courses *, ptrdiff_t, const courses *, const double *, double,
-        ptrdiff_t, ptrdiff_t, ptrdiff_t *
+        const sample_array *inputs, const motion_array *tau, ptrdiff_t half,
+        const motion_array *states, const double *p, double h, ptrdiff_t steps, ptrdiff_t count,
+        ptrdiff_t *reached
     ) noexcept nogil
     bint run_shared(
-        run_function, int, const rows *, const rows *, const double *, ptrdiff_t, unsigned char *,
-        ptrdiff_t, ptrdiff_t
+        run_function run, int arrays, const sample_array *inputs, const sample_array *output,
+        const double *p, ptrdiff_t count, unsigned char *bad, ptrdiff_t numbers, ptrdiff_t threads
     ) noexcept nogil
     void roll_shared(
-        roll_function, const rows *, const courses *, ptrdiff_t, const courses *, const double *,
-        double, ptrdiff_t, ptrdiff_t, ptrdiff_t *, ptrdiff_t, ptrdiff_t
+        roll_function roll, const sample_array *inputs, const motion_array *tau, ptrdiff_t half,
+        const motion_array *states, const double *p, double h, ptrdiff_t steps, ptrdiff_t count,
+        ptrdiff_t *reached, ptrdiff_t numbers, ptrdiff_t threads
     ) noexcept nogil
 
 cdef enum:
-    MOST_ARRAYS = 5  # inputs of a kernel
-    FEW = 64  # flags of so many samples, or loads made from moments, take no large memory
+    MOST_ARRAYS = 5  # the most inputs of a kernel
+    FEW = 64  # flags of up to this number of samples are on the stack; loads are made for as many
 
 #: What the processor offers: "avx512", "avx2" or "plain".
 INSTRUCTIONS = instructions().decode()
@@ -66,7 +73,7 @@ SOURCES = sources.decode()
 
 
 cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
-    """Whether it is an aligned float64 array of this many axes, the last of this size."""
+    """Whether the array is aligned float64 with `ndim` axes, the last one of length `size`."""
     return (
         type(array) is cnp.ndarray
         and cnp.PyArray_TYPE(<cnp.ndarray>array) == cnp.NPY_DOUBLE
@@ -77,9 +84,9 @@ cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):
 
 
 cdef object as_floats(object argument):
-    """Python's numbers in a list, or an array of other real numbers, as float64.
+    """A list of Python's numbers, or an array of other real numbers, as a float64 array.
 
-    Anything else is returned as it is.
+    Anything else is returned as it is: the caller refuses it.
     """
     if type(argument) is list or type(argument) is tuple:
         for x in argument:
@@ -107,17 +114,19 @@ cdef inline Py_ssize_t number_of(object threads):
     return max(number, 0)
 
 
-cdef rows rows_of(cnp.ndarray array):
-    """A 2-D array with a row for each sample, or a 1-D one, the row of all samples."""
-    cdef rows result
+cdef sample_array samples_of(cnp.ndarray array):
+    """The samples of an array, shape (N, size), or (size,) if all samples are the same."""
+    cdef sample_array result
     cdef int ndim = cnp.PyArray_NDIM(array)
     result.data = cnp.PyArray_BYTES(array)
-    result.row = cnp.PyArray_STRIDE(array, 0) if ndim > 1 else 0
-    result.column = cnp.PyArray_STRIDE(array, ndim - 1)
+    result.sample_stride = cnp.PyArray_STRIDE(array, 0) if ndim > 1 else 0
+    result.number_stride = cnp.PyArray_STRIDE(array, ndim - 1)
     return result
 
 
-cdef bint overlap(const rows *a, int size_a, const rows *b, int size_b, Py_ssize_t count) noexcept:
+cdef bint overlap(
+    const sample_array *a, int size_a, const sample_array *b, int size_b, Py_ssize_t count
+) noexcept:
     """Whether two arrays may share memory: results would then overwrite inputs."""
     cdef char *low_a
     cdef char *high_a
@@ -128,27 +137,28 @@ cdef bint overlap(const rows *a, int size_a, const rows *b, int size_b, Py_ssize
     return low_a <= high_b and low_b <= high_a
 
 
-cdef inline (char *, char *) bounds(const rows *x, int size, Py_ssize_t count) noexcept:
-    """First and last number of an array."""
-    cdef ptrdiff_t down = (count - 1) * x.row if count > 0 else 0
-    cdef ptrdiff_t across = (size - 1) * x.column
+cdef inline (char *, char *) bounds(const sample_array *x, int size, Py_ssize_t count) noexcept:
+    """Addresses of the first and the last number of an array in memory; strides can be negative."""
+    cdef ptrdiff_t down = (count - 1) * x.sample_stride if count > 0 else 0
+    cdef ptrdiff_t across = (size - 1) * x.number_stride
     return x.data + min(down, 0) + min(across, 0), x.data + max(down, 0) + max(across, 0)
 
 
 @cython.final
 cdef class Kernel:
-    """A compiled function of rows of numbers.
+    """A compiled function of arrays of samples.
 
     Args:
         single: Address of the code for one sample.
         batch: Address of the code for batches.
-        sizes: Numbers of a sample in each input.
-        output: Numbers of a sample in the output.
+        sizes: Length of a sample in each input.
+        output: Length of a sample in the output.
         parameters: Run-time parameters; a copy is kept.
-        library: Kept alive with the kernel.
-        loaded: Returns the kernel with external loads, or None.
-        batch_parameters: Those of `batch`, if they differ from those of `single`.
-        moment: Index in the load of three numbers that can be given alone; -1 for none.
+        library: The loaded library with the code; it is kept alive with the kernel.
+        loaded: Returns the kernel of the same quantity with external loads, or None.
+        batch_parameters: Run-time parameters of `batch`, if they differ from those of `single`.
+        moment: Index in the load of a moment, three numbers, which can be given instead of the
+            whole load; -1 if there is none.
     """
 
     cdef run_function single, batch
@@ -176,11 +186,18 @@ cdef class Kernel:
     def answer(self, a, b, c, load, out, threads):
         """The result, or None if the caller has to check the arguments and compute it itself.
 
-        The kernel's inputs are the first of a, b, c, shape (size,) or (N, size); the others must be
-        None. With a load, a moment on the body that bears one, shape (3,) or (N, 3), the kernel
-        `loaded` computes the result. The result is None if an input is not an array of numbers, or
-        a list, of such a shape, if `threads` is not a positive integer, if `out` is not a plain
-        array or overlaps an input, or if a sample fails its checks.
+        The result is None if an argument is not as below, or if a sample fails its checks.
+
+        Args:
+            a: First input, shape (size,) or (N, size): an array or a list of numbers.
+            b: Second input, in the same way; None if the kernel has only one.
+            c: Third input, in the same way; None if the kernel has only two.
+            load: The moment that can be given alone, shape (3,) or (N, 3), or None. With a moment,
+                the kernel `loaded` computes the result. A kernel with four inputs computes it
+                itself.
+            out: Where the result is written, a float64 array that shares no memory with the inputs;
+                None for a new array.
+            threads: Number of threads, a positive integer.
         """
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
@@ -192,41 +209,49 @@ cdef class Kernel:
         return kernel.compute(a, b, c, load, out, threads)
 
     def derivatives(self, kind, a, b, c, threads):
-        """Derivatives by a, b and c, as many rows as b, or None where `answer` is None.
+        """Derivatives by a, b and c; None where `answer` is None.
+
+        For each sample the kernel computes one matrix, [by a, by b, by c], with n rows, as many as
+        b has numbers. The three results are views of it. Derivatives by a, which is q, are along
+        the coordinates: they have n columns too.
 
         Args:
-            kind: The named tuple that they make, shapes (..., n, n), (..., n, n), (..., n, m).
+            kind: The named tuple of the derivatives, shapes (..., n, n), (..., n, n), (..., n, m).
+            a: q, as in `answer`.
+            b: va, shape (..., n).
+            c: aa or tau, shape (..., m).
+            threads: As in `answer`.
         """
         cdef cnp.npy_intp shape[3]
         cdef cnp.npy_intp strides[3]
-        cdef cnp.ndarray rows, part
-        cdef int ndim, columns = 2 * self.sizes[1] + self.sizes[2], width, i
-        cdef char *at
-        if self.arrays != 3 or columns * self.sizes[1] != self.output:
+        cdef cnp.ndarray matrices, part
+        cdef int n = self.sizes[1], m = self.sizes[2], columns = 2 * n + m, ndim, width
+        cdef char *first
+        if self.arrays != 3 or columns * n != self.output:
             raise TypeError("no kernel of derivatives")
         result = self.compute(a, b, c, None, None, threads)
         if result is None:
             return None
-        rows = result
-        ndim, at = cnp.PyArray_NDIM(rows), cnp.PyArray_BYTES(rows)
-        shape[0] = cnp.PyArray_DIM(rows, 0)
-        strides[0], strides[ndim] = self.output * sizeof(double), sizeof(double)
-        strides[ndim - 1] = columns * sizeof(double)
-        shape[ndim - 1] = self.sizes[1]
+        matrices = result  # shape (output,) or (N, output): the matrices row by row
+        ndim, first = cnp.PyArray_NDIM(matrices), cnp.PyArray_BYTES(matrices)
+        # The last two axes of a view are rows and columns; a batch has the axis of samples before.
+        shape[0], strides[0] = cnp.PyArray_DIM(matrices, 0), self.output * sizeof(double)
+        shape[ndim - 1], strides[ndim - 1] = n, columns * sizeof(double)
+        strides[ndim] = sizeof(double)
         parts = []
-        for i in range(3):
-            width = shape[ndim] = self.sizes[max(i, 1)]
+        for width in (n, n, m):
+            shape[ndim] = width
             part = cnp.PyArray_New(
-                cnp.ndarray, ndim + 1, shape, cnp.NPY_DOUBLE, strides, at, 0,
+                cnp.ndarray, ndim + 1, shape, cnp.NPY_DOUBLE, strides, first, 0,
                 cnp.NPY_ARRAY_WRITEABLE, None,
             )
-            cnp.set_array_base(part, rows)
+            cnp.set_array_base(part, matrices)
             parts.append(part)
-            at += width * sizeof(double)
+            first += width * sizeof(double)
         return tuple.__new__(kind, parts)
 
     cdef compute(self, a, b, c, load, out, threads):
-        """`answer` by this kernel; arguments are converted only if they are no plain arrays."""
+        """`answer` by this kernel. Arguments that are not float64 arrays are converted."""
         result = self.compute_plain(a, b, c, load, out, threads)
         if result is not None:
             return result
@@ -236,16 +261,16 @@ cdef class Kernel:
         return self.compute_plain(floats_a, floats_b, floats_c, load, out, threads)
 
     cdef compute_plain(self, a, b, c, load, out, threads):
-        """`compute` for plain float64 arrays; None for others."""
-        cdef rows inputs[4]
-        cdef rows output
+        """`compute` for float64 arrays; None for others."""
+        cdef sample_array inputs[4]
+        cdef sample_array output
         cdef cnp.npy_intp shape[2]
-        cdef Py_ssize_t count = -1  # one sample, until an array with more is taken
-        cdef bint moment = load is not None
-        cdef Py_ssize_t number = number_of(threads)
+        cdef Py_ssize_t count = -1  # no axis of samples, until an input has one
+        cdef bint with_moment = load is not None
+        cdef Py_ssize_t thread_count = number_of(threads)
         cdef int i, size
         if (
-            self.arrays > 4 or not number or (moment and self.moment < 0)
+            self.arrays > 4 or not thread_count or (with_moment and self.moment < 0)
             or not self.take(a, 0, self.sizes[0], inputs, &count)
             or not self.take(b, 1, self.sizes[1], inputs, &count)
             or not self.take(c, 2, self.sizes[2], inputs, &count)
@@ -267,21 +292,28 @@ cdef class Kernel:
             or (count >= 0 and cnp.PyArray_DIM(<cnp.ndarray>out, 0) != count)
         ):
             return None
-        output = rows_of(<cnp.ndarray>out)
-        if (count > 1 and not output.row) or (self.output > 1 and not output.column):
-            return None  # its samples, or entries, are one in memory
+        output = samples_of(<cnp.ndarray>out)
+        # Samples of `out`, or its entries, must not have the same place in memory.
+        if count > 1 and not output.sample_stride:
+            return None
+        if self.output > 1 and not output.number_stride:
+            return None
         for i in range(self.arrays):
-            size = 3 if moment and i == 3 else self.sizes[i]
+            size = 3 if with_moment and i == 3 else self.sizes[i]
             if overlap(&inputs[i], size, &output, self.output, count):
                 return None
-        if moment:
+        if with_moment:
             return out if self.run_with_moment(inputs, &output, count) else None
-        return out if self.run(inputs, &output, count, number) else None
+        return out if self.run(inputs, &output, count, thread_count) else None
 
     cdef inline bint run(
-        self, const rows *inputs, const rows *output, Py_ssize_t count, Py_ssize_t threads
+        self, const sample_array *inputs, const sample_array *output, Py_ssize_t count,
+        Py_ssize_t threads,
     ) noexcept:
-        """Whether all samples pass their checks; a count of -1 is one sample."""
+        """Fill the output; returns whether all samples pass their checks.
+
+        A count of -1 means one sample without an axis of samples.
+        """
         cdef unsigned char few[FEW]
         cdef unsigned char *flags = few
         cdef const double *parameters = numbers_of(self.batch_parameters)
@@ -294,51 +326,61 @@ cdef class Kernel:
                 return False
         with nogil:
             any_bad = run_shared(
-                self.batch, self.arrays, inputs, output, parameters, count, flags, self.numbers(),
-                threads,
+                self.batch, self.arrays, inputs, output, parameters, count, flags,
+                self.numbers_per_sample(), threads,
             )
         if flags != few:
             PyMem_RawFree(flags)
         return not any_bad
 
-    cdef inline ptrdiff_t numbers(self) noexcept nogil:
+    cdef inline ptrdiff_t numbers_per_sample(self) noexcept nogil:
         """Number of inputs and outputs of a sample."""
         cdef ptrdiff_t result = self.output
         for i in range(self.arrays):
             result += self.sizes[i]
         return result
 
-    cdef bint run_with_moment(self, rows *inputs, rows *output, Py_ssize_t count) noexcept:
-        """`run` with moments, shape (3,) each, as the last input.
+    cdef bint run_with_moment(
+        self, sample_array *inputs, sample_array *output, Py_ssize_t count
+    ) noexcept:
+        """`run` with moments instead of loads, inputs[3], shape (3,) each.
 
-        The loads, in which each moment is three entries and all others are zero, are made for some
-        samples at a time. `inputs` and `output` are moved on.
+        In a load, three entries are the moment and all others are zero. Loads are made for some
+        samples at a time: `inputs` and `output` then begin at the first of these.
         """
-        cdef rows moments = inputs[3]
+        cdef sample_array moments = inputs[3]
         cdef int size = self.sizes[3]
         cdef Py_ssize_t first = 0, some = 1 if count < 0 else min(count, <Py_ssize_t>FEW), k
         cdef int i
         cdef double *loads = <double *>PyMem_RawCalloc(max(some, 1) * size, sizeof(double))
+        cdef char *moment
+        cdef double *entry
         cdef bint good = loads != NULL
         inputs[3].data = <char *>loads
-        inputs[3].row, inputs[3].column = size * sizeof(double), sizeof(double)
+        inputs[3].sample_stride, inputs[3].number_stride = size * sizeof(double), sizeof(double)
         while good and first < abs(count):
             some = min(some, abs(count) - first)
             for k in range(some):
+                moment = moments.data + (first + k) * moments.sample_stride
                 for i in range(3):
-                    loads[k * size + self.moment + i] = (
-                        <double *>(moments.data + (first + k) * moments.row + i * moments.column)
-                    )[0]
+                    entry = <double *>(moment + i * moments.number_stride)
+                    loads[k * size + self.moment + i] = entry[0]
             good = self.run(inputs, output, -1 if count < 0 else some, 1)
             first += some
             for i in range(3):
-                inputs[i].data += some * inputs[i].row
-            output.data += some * output.row
+                inputs[i].data += some * inputs[i].sample_stride
+            output.data += some * output.sample_stride
         PyMem_RawFree(loads)
         return good
 
-    cdef inline bint take(self, object array, int i, int size, rows *inputs, Py_ssize_t *count):
-        """Whether argument i has this size; then inputs[i] and, of a batch, the count are set."""
+    cdef inline bint take(
+        self, object array, int i, int size, sample_array *inputs, Py_ssize_t *count
+    ):
+        """Take an argument as inputs[i]; returns whether its shape is (size,) or (N, size).
+
+        N must be the count of the arguments before; it becomes the count if they have none. An
+        argument beyond the inputs of the kernel must be None.
+        """
         cdef Py_ssize_t samples
         if i >= self.arrays:
             return array is None
@@ -349,22 +391,23 @@ cdef class Kernel:
             if count[0] >= 0 and samples != count[0]:
                 return False
             count[0] = samples
-        inputs[i] = rows_of(<cnp.ndarray>array)
+        inputs[i] = samples_of(<cnp.ndarray>array)
         return True
 
     def many(self, tuple arrays not None, cnp.ndarray out not None, Py_ssize_t threads=1):
         """Fill `out` and return the indices of the samples that fail their checks.
 
         Args:
-            arrays: float64, of shape (N, size), (size,) for all samples, or None for zeros.
+            arrays: The inputs, each a float64 array of shape (N, size); of shape (size,) if it is
+                the same for all samples; or None for zeros.
             out: float64, shape (N, output), which shares no memory with the inputs.
             threads: Number of threads.
 
         Raises:
-            TypeError, ValueError: For anything else.
+            TypeError: If an argument has another type or shape.
         """
-        cdef rows inputs[MOST_ARRAYS]
-        cdef rows output
+        cdef sample_array inputs[MOST_ARRAYS]
+        cdef sample_array output
         cdef cnp.ndarray bad
         cdef cnp.ndarray parameters
         cdef const double *p
@@ -375,21 +418,21 @@ cdef class Kernel:
         if len(arrays) != self.arrays:
             raise TypeError(f"{len(arrays)} arrays, {self.arrays} are needed")
         if not is_plain(out, 2, self.output) or not cnp.PyArray_ISWRITEABLE(out):
-            raise TypeError("out is not a float64 array of rows that can be written to")
+            raise TypeError(f"out is not a writeable float64 array of shape (N, {self.output})")
         count = cnp.PyArray_DIM(out, 0)
         for i in range(self.arrays):
             array = arrays[i]
             if array is None:
-                memset(&inputs[i], 0, sizeof(rows))
+                memset(&inputs[i], 0, sizeof(sample_array))
             elif is_plain(array, 1, self.sizes[i]) or (
                 is_plain(array, 2, self.sizes[i])
                 and cnp.PyArray_DIM(<cnp.ndarray>array, 0) == count
             ):
-                inputs[i] = rows_of(<cnp.ndarray>array)
+                inputs[i] = samples_of(<cnp.ndarray>array)
             else:
                 raise TypeError(f"array {i} is not float64 of shape ({count}, {self.sizes[i]})")
         bad = np.zeros(max(count, 1), dtype=np.uint8)
-        output = rows_of(out)
+        output = samples_of(out)
         if count > 1:
             run, parameters = self.batch, self.batch_parameters
         else:
@@ -398,20 +441,21 @@ cdef class Kernel:
         flags = <unsigned char *>cnp.PyArray_DATA(bad)
         with nogil:
             any_bad = run_shared(
-                run, self.arrays, inputs, &output, p, count, flags, self.numbers(), threads
+                run, self.arrays, inputs, &output, p, count, flags, self.numbers_per_sample(),
+                threads,
             )
         return np.flatnonzero(bad) if any_bad else np.empty(0, dtype=np.intp)
 
 
 @cython.final
 cdef class RolloutKernel:
-    """A compiled rollout: many states with a fixed step.
+    """A compiled rollout: it integrates motions with steps of one length.
 
     Args:
         code: Address of the code.
-        sizes: Numbers in q, va, tau and in the load.
+        sizes: Lengths of q, va, tau and of the load.
         parameters: Run-time parameters; a copy is kept.
-        library: Kept alive with the kernel.
+        library: The loaded library with the code; it is kept alive with the kernel.
     """
 
     cdef roll_function code
@@ -433,28 +477,30 @@ cdef class RolloutKernel:
         cnp.ndarray tau not None, cnp.ndarray load, cnp.ndarray q not None,
         cnp.ndarray va not None, cnp.ndarray verdicts not None, Py_ssize_t threads=1,
     ):
-        """Fill the states and return the number of valid states of each sample, shape (N,).
+        """Fill the states and return the number of valid states of each motion, shape (N,).
 
         Args:
             step: Time step, [s].
-            q0: Shape (N, nq).
-            va0: Shape (N, n).
-            tau: Shape (N, steps, motors), held over each step, or (N, 2 steps + 1, motors).
-            load: Shape (N, size), or None.
-            q: Shape (N, steps + 1, nq), to be filled; NaN for states that fail their checks.
-            va: Shape (N, steps + 1, n), filled in the same way.
-            verdicts: Shape (N, steps + 1, 2), filled in the same way: det Phi_u without units, and
-                1 where it changes little in the step from there, else 0.
+            q0: Configurations at the start, shape (N, nq).
+            va0: Rates of the coordinates at the start, shape (N, n).
+            tau: Torques: constant in each step, shape (N, steps, motors), or at the beginning and
+                in the middle of each step and at the end, shape (N, 2 steps + 1, motors).
+            load: Constant external loads, shape (N, size), or None.
+            q: Filled with the configurations, shape (N, steps + 1, nq). States from the first
+                invalid one on are NaN.
+            va: Filled with the rates in the same way, shape (N, steps + 1, n).
+            verdicts: Filled in the same way, shape (N, steps + 1, 2): det Phi_u without units, and
+                1 where the step from this state is sound, else 0. c/driver.h says what is sound.
             threads: Number of threads.
 
         Raises:
-            TypeError: For anything else.
+            TypeError: If an argument has another type or shape.
         """
-        cdef rows inputs[3]
-        cdef courses torques
-        cdef courses outputs[3]
+        cdef sample_array inputs[3]
+        cdef motion_array torques
+        cdef motion_array outputs[3]
         cdef Py_ssize_t count, steps
-        cdef ptrdiff_t half = 0  # distance of the torques in the middle of a step, if there are any
+        cdef ptrdiff_t half = 0  # bytes from the torques at the beginning of a step to its middle
         cdef ptrdiff_t numbers = self.sizes[0] + self.sizes[1] + self.sizes[2]
         cdef cnp.ndarray reached
         cdef ptrdiff_t *reached_states
@@ -465,18 +511,18 @@ cdef class RolloutKernel:
         steps = cnp.PyArray_DIM(q, 1) - 1
         if not self.fit(count, steps, q0, va0, tau, load, q, va, verdicts):
             raise TypeError("the shapes of the arrays do not match")
-        inputs[0] = rows_of(q0)
-        inputs[1] = rows_of(va0)
-        memset(&inputs[2], 0, sizeof(rows))
+        inputs[0] = samples_of(q0)
+        inputs[1] = samples_of(va0)
+        memset(&inputs[2], 0, sizeof(sample_array))
         if load is not None:
-            inputs[2] = rows_of(load)
-        torques = course_of(tau)
-        if cnp.PyArray_DIM(tau, 1) != steps:
-            half = torques.step
-            torques.step = 2 * half
-        outputs[0] = course_of(q)
-        outputs[1] = course_of(va)
-        outputs[2] = course_of(verdicts)
+            inputs[2] = samples_of(load)
+        torques = motions_of(tau)
+        if cnp.PyArray_DIM(tau, 1) != steps:  # two samples for each step
+            half = torques.step_stride
+            torques.step_stride = 2 * half
+        outputs[0] = motions_of(q)
+        outputs[1] = motions_of(va)
+        outputs[2] = motions_of(verdicts)
         reached = np.zeros(max(count, 1), dtype=np.intp)
         reached_states = <ptrdiff_t *>cnp.PyArray_DATA(reached)
         p = numbers_of(self.parameters)
@@ -491,7 +537,7 @@ cdef class RolloutKernel:
         self, Py_ssize_t count, Py_ssize_t steps, cnp.ndarray q0, cnp.ndarray va0,
         cnp.ndarray tau, cnp.ndarray load, cnp.ndarray q, cnp.ndarray va, cnp.ndarray verdicts,
     ):
-        """Whether the arguments of `run` are plain arrays of `count` motions with these steps."""
+        """Whether the arguments of `run` are float64 arrays of `count` motions of `steps` steps."""
         cdef cnp.ndarray result
         if not (
             steps >= 0
@@ -513,13 +559,13 @@ cdef class RolloutKernel:
         return cnp.PyArray_DIM(tau, 1) in (steps, 2 * steps + 1)
 
 
-cdef courses course_of(cnp.ndarray array):
-    """An array of the steps of many samples, shape (N, steps, size)."""
-    cdef courses result
+cdef motion_array motions_of(cnp.ndarray array):
+    """The samples of many motions, shape (N, steps, size)."""
+    cdef motion_array result
     result.at.data = cnp.PyArray_BYTES(array)
-    result.at.row = cnp.PyArray_STRIDE(array, 0)
-    result.at.column = cnp.PyArray_STRIDE(array, 2)
-    result.step = cnp.PyArray_STRIDE(array, 1)
+    result.at.sample_stride = cnp.PyArray_STRIDE(array, 0)
+    result.at.number_stride = cnp.PyArray_STRIDE(array, 2)
+    result.step_stride = cnp.PyArray_STRIDE(array, 1)
     return result
 
 
