@@ -282,46 +282,49 @@ class WarpBatch:
 
     # --- inside -----------------------------------------------------------------------------
 
-    @property
-    def _n(self) -> int:
-        return len(self._mechanism.coordinates)
+    def _module(self, key: Quantity) -> ModuleType:
+        """A module from the cache, or generated now."""
+        mechanism = self._mechanism
+        name = key.name
+        size: dict[Name, Name] = {"rollout": "accelerations", "frame_placement": "rates"}
+        if problem := impossible(mechanism, size.get(name, name)):
+            raise CompilationError(problem)
+        entry = {"rollout": "step", "closing": "close"}.get(name, "run")
+        if name.endswith("derivatives"):
+            key = key._replace(along=True)
+            entry = "along"
 
-    def _shape(self, name: str) -> tuple[int, ...]:
-        """Shape of an array of one sample."""
-        model = self._mechanism.model
-        n = self._n
-        motors = self._mechanism.motor_count
-        shapes: dict[str, tuple[int, ...]] = {
-            "q": (model.nq,),
-            "va": (n,),
-            "tau": (motors,),
-            "external_wrenches": (model.njoints - 1, 6),
-            "torques": (motors,),
-            "rates": (model.nv,),
-            "closing": (model.nq,),
-            "frame_placement": (4, 3),
-            "torque_derivatives": (n, 3 * n),
-            "acceleration_derivatives": (n, 2 * n + motors),
-            "motor_positions": (motors,),
-        }
-        if name in shapes:
-            return shapes[name]
-        if name in NonsmoothState._fields:
-            return self._nonsmooth_shape(name)
-        return (n,)
+        def source() -> str:
+            equations = self._equations_of(key.loaded, name.endswith("derivatives"))
+            checks = Checks(equations, self._style.closed, self._style.rounding)
+            return warp_code.module(kernels.entry(equations, key, checks), entry, self._style)
 
-    def _nonsmooth_shape(self, name: str) -> tuple[int, ...]:
-        """Shape of one sample of a result of nonsmooth steps."""
-        parts = self._rows.parts
-        shapes: dict[str, tuple[int, ...]] = {
-            "contact_forces": (len(self._mechanism.contacts.points), 3),
-            "tensions": (parts.cables.stop - parts.ropes.start,),
-            "joint_forces": (self._mechanism.model.nv,),
-            "line_friction": (len(self._rows.dry_lines),),
-            "residual": (),
-            "impulses": (self._rows.count,),
-        }
-        return shapes[name]
+        content = fingerprint(mechanism, self._open, self._near, key.frame)
+        label = f"warp {key} {self._style.dtype}"
+        return _imported(libraries.text(mechanism.model.name, label, content, source))
+
+    def _nonsmooth_module(self, loaded: bool) -> ModuleType:
+        """A module of nonsmooth steps from the cache, or generated now."""
+        mechanism = self._mechanism
+        if problem := impossible(mechanism, "accelerations"):
+            raise CompilationError(problem)
+
+        def source() -> str:
+            equations = self._equations_of(loaded, False)
+            checks = Checks(equations, self._style.closed, self._style.rounding)
+            tolerance = 2 * self._style.closed
+            step = nonsmooth_c.step_source(equations, self._rows, checks, tolerance)
+            return warp_code.nonsmooth_module(step, self._style)
+
+        content = fingerprint(mechanism, self._open, self._near, rows=self._rows)
+        label = f"warp nonsmooth{'_loaded' if loaded else ''} {self._style.dtype}"
+        return _imported(libraries.text(mechanism.model.name, label, content, source))
+
+    def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
+        if (loaded, smooth) not in self._equations:
+            samples = sample_configurations(self._reference, self._near)
+            self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
+        return self._equations[loaded, smooth]
 
     def _run(self, key: Quantity, inputs: dict[str, Any], out: Any = None, **options: Any) -> Any:
         """The result of a quantity; `options` as those of `torques`."""
@@ -458,6 +461,78 @@ class WarpBatch:
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
         wp.launch(module.run, count, in_order, **options)
 
+    def _prepare(self, key: Quantity) -> tuple[ModuleType, Any]:
+        """The kernels of a quantity, and the parameters followed by the constants."""
+        width = -1.0 if key.sign_width is None else key.sign_width
+        module = self.module(key._replace(sign_width=None))
+        return module, self._prepared_by(module, width)
+
+    def _prepared_by(self, module: ModuleType, width: float = -1.0) -> Any:
+        """The parameters followed by the constants of a module, with a width of the sign."""
+        if (module, width) not in self._prepared:
+            robots = self.parameters.shape[0]
+            p = wp.empty((module.size, robots), dtype=self.dtype, device=self.device)
+            arguments = [self.parameters, width, p]
+            wp.launch(module.prepare, robots, arguments, device=self.device, block_dim=_BLOCK)
+            self._prepared[module, width] = p
+        return self._prepared[module, width]
+
+    @cached_property
+    def _rows(self) -> NonsmoothRows:
+        """The rows of nonsmooth steps, without gains of motors."""
+        return NonsmoothRows(self._mechanism, motor_gains(None, None, self._mechanism.motor_count))
+
+    def _numbers_of(self, gains: MotorGains) -> Any:
+        """Numbers of nonsmooth steps, a row for each robot."""
+        key = gains.stiffness.tobytes(), gains.damping.tobytes()
+        if key not in self._nonsmooth_numbers:
+            rows = NonsmoothRows(self._mechanism, gains)
+            p = self.parameters.numpy().astype(float)
+            numbers = parameter_values(rows, self._open, p)
+            self._nonsmooth_numbers[key] = wp.array(numbers, dtype=self.dtype, device=self.device)
+        return self._nonsmooth_numbers[key]
+
+    @property
+    def _n(self) -> int:
+        return len(self._mechanism.coordinates)
+
+    def _shape(self, name: str) -> tuple[int, ...]:
+        """Shape of an array of one sample."""
+        model = self._mechanism.model
+        n = self._n
+        motors = self._mechanism.motor_count
+        shapes: dict[str, tuple[int, ...]] = {
+            "q": (model.nq,),
+            "va": (n,),
+            "tau": (motors,),
+            "external_wrenches": (model.njoints - 1, 6),
+            "torques": (motors,),
+            "rates": (model.nv,),
+            "closing": (model.nq,),
+            "frame_placement": (4, 3),
+            "torque_derivatives": (n, 3 * n),
+            "acceleration_derivatives": (n, 2 * n + motors),
+            "motor_positions": (motors,),
+        }
+        if name in shapes:
+            return shapes[name]
+        if name in NonsmoothState._fields:
+            return self._nonsmooth_shape(name)
+        return (n,)
+
+    def _nonsmooth_shape(self, name: str) -> tuple[int, ...]:
+        """Shape of one sample of a result of nonsmooth steps."""
+        parts = self._rows.parts
+        shapes: dict[str, tuple[int, ...]] = {
+            "contact_forces": (len(self._mechanism.contacts.points), 3),
+            "tensions": (parts.cables.stop - parts.ropes.start,),
+            "joint_forces": (self._mechanism.model.nv,),
+            "line_friction": (len(self._rows.dry_lines),),
+            "residual": (),
+            "impulses": (self._rows.count,),
+        }
+        return shapes[name]
+
     def _arrays(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
         """The arrays of inputs, and the number of samples.
 
@@ -510,81 +585,6 @@ class WarpBatch:
         if flattened and name == "out" and not value.is_contiguous:
             raise InputError(name, "not contiguous")
         return value
-
-    def _prepare(self, key: Quantity) -> tuple[ModuleType, Any]:
-        """The kernels of a quantity, and the parameters followed by the constants."""
-        width = -1.0 if key.sign_width is None else key.sign_width
-        module = self.module(key._replace(sign_width=None))
-        return module, self._prepared_by(module, width)
-
-    def _prepared_by(self, module: ModuleType, width: float = -1.0) -> Any:
-        """The parameters followed by the constants of a module, with a width of the sign."""
-        if (module, width) not in self._prepared:
-            robots = self.parameters.shape[0]
-            p = wp.empty((module.size, robots), dtype=self.dtype, device=self.device)
-            arguments = [self.parameters, width, p]
-            wp.launch(module.prepare, robots, arguments, device=self.device, block_dim=_BLOCK)
-            self._prepared[module, width] = p
-        return self._prepared[module, width]
-
-    @cached_property
-    def _rows(self) -> NonsmoothRows:
-        """The rows of nonsmooth steps, without gains of motors."""
-        return NonsmoothRows(self._mechanism, motor_gains(None, None, self._mechanism.motor_count))
-
-    def _numbers_of(self, gains: MotorGains) -> Any:
-        """Numbers of nonsmooth steps, a row for each robot."""
-        key = gains.stiffness.tobytes(), gains.damping.tobytes()
-        if key not in self._nonsmooth_numbers:
-            rows = NonsmoothRows(self._mechanism, gains)
-            p = self.parameters.numpy().astype(float)
-            numbers = parameter_values(rows, self._open, p)
-            self._nonsmooth_numbers[key] = wp.array(numbers, dtype=self.dtype, device=self.device)
-        return self._nonsmooth_numbers[key]
-
-    def _nonsmooth_module(self, loaded: bool) -> ModuleType:
-        """A module of nonsmooth steps from the cache, or generated now."""
-        mechanism = self._mechanism
-        if problem := impossible(mechanism, "accelerations"):
-            raise CompilationError(problem)
-
-        def source() -> str:
-            equations = self._equations_of(loaded, False)
-            checks = Checks(equations, self._style.closed, self._style.rounding)
-            tolerance = 2 * self._style.closed
-            step = nonsmooth_c.step_source(equations, self._rows, checks, tolerance)
-            return warp_code.nonsmooth_module(step, self._style)
-
-        content = fingerprint(mechanism, self._open, self._near, rows=self._rows)
-        label = f"warp nonsmooth{'_loaded' if loaded else ''} {self._style.dtype}"
-        return _imported(libraries.text(mechanism.model.name, label, content, source))
-
-    def _module(self, key: Quantity) -> ModuleType:
-        """A module from the cache, or generated now."""
-        mechanism = self._mechanism
-        name = key.name
-        size: dict[Name, Name] = {"rollout": "accelerations", "frame_placement": "rates"}
-        if problem := impossible(mechanism, size.get(name, name)):
-            raise CompilationError(problem)
-        entry = {"rollout": "step", "closing": "close"}.get(name, "run")
-        if name.endswith("derivatives"):
-            key = key._replace(along=True)
-            entry = "along"
-
-        def source() -> str:
-            equations = self._equations_of(key.loaded, name.endswith("derivatives"))
-            checks = Checks(equations, self._style.closed, self._style.rounding)
-            return warp_code.module(kernels.entry(equations, key, checks), entry, self._style)
-
-        content = fingerprint(mechanism, self._open, self._near, key.frame)
-        label = f"warp {key} {self._style.dtype}"
-        return _imported(libraries.text(mechanism.model.name, label, content, source))
-
-    def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
-        if (loaded, smooth) not in self._equations:
-            samples = sample_configurations(self._reference, self._near)
-            self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
-        return self._equations[loaded, smooth]
 
 
 def _require_on_bodies(external_wrenches: Any) -> None:
