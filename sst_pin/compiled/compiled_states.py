@@ -21,14 +21,22 @@ if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
     from ._binding import RolloutKernel
 
-# A step of a rollout is sound if the kernels can tell that it stays in its assembly mode. The
-# reference path judges the other steps. Phi_u are the columns of Phi for the dependent rates.
+# A step of a rollout is *sound* if the kernels can tell that it stays in its assembly mode. Phi_u
+# are the columns of Phi for the dependent rates.
 #: det Phi_u changes by no more than this factor in half a sound step.
 CHANGE = 1.25
-#: Steps of Newton's method before the reference path closes the loops.
-_MOST_CLOSING_STEPS = 4
-#: Longest Newton step that closes the loops in the middle of a sound step, in parts of `TRAVEL`.
+#: Longest Newton step that closes the loops in the middle of a sound step, relative to `TRAVEL`.
 NEARBY = 0.02
+
+# Newton's method onto the closures leads to the nearest closed configuration if its steps start
+# short and shrink fast. Lengths of steps are in [rad] or robot lengths.
+#: Longest first step.
+LONGEST_FIRST_STEP = 0.1
+#: Largest ratio of the length of a step to that of the step before. After a first step of 0.1 all
+#: further steps together are at most 0.1 (0.1 + 0.1^2 + ...) = 0.011.
+LARGEST_RATIO = 0.1
+#: The most steps of Newton's method before the reference path closes the loops of a batch.
+_MOST_CLOSING_STEPS = 4
 
 
 class CompiledStateSpace(StateSpace):
@@ -103,9 +111,10 @@ class CompiledStateSpace(StateSpace):
     def rollout(
         self, motions: RolloutArrays, threads: int, wrenches_at: WrenchesAt | None
     ) -> Indices:
-        """Fill the states of motions; the reference path goes on where the kernels stop.
+        """Fill the states of motions; numbers of valid states, shape (N,).
 
-        Kernels take constant loads only.
+        The reference path continues motions where the kernels stop. It also computes all motions
+        with wrenches that are functions, because kernels take constant loads only.
         """
         kernel = self._rollout_kernel(motions.load is not None)
         if kernel is None or self._closing is None or wrenches_at is not None:
@@ -116,13 +125,13 @@ class CompiledStateSpace(StateSpace):
         return reached
 
     def _complete(self, kernel: "RolloutKernel", motions: RolloutArrays, i: int, count: int) -> int:
-        """Fill the rest of motion i, of which the kernel has filled `count` states.
+        """Fill the rest of motion i, of which the kernel has filled `count` valid states.
 
-        It returns the number of valid states. The reference path continues until the coordinates
-        are good again, then the kernel does, in turn.
+        The reference path continues from the last valid state until the coordinates are good again,
+        then the kernel continues, and so on. The result is the number of valid states.
         """
-        while count <= motions.steps:
-            last = max(count - 1, 0)  # the last valid state is the next start
+        while count <= motions.steps:  # a whole motion has steps + 1 states
+            last = max(count - 1, 0)  # without a valid state, the start
             wrenches = wrenches_of(motions, i, None)
             end = self._fill(motions.rest(i, last), 0, wrenches, until_good=True)
             count = last + end.valid
@@ -131,7 +140,9 @@ class CompiledStateSpace(StateSpace):
             last = count - 1
             rest = motions.rest(i, last)
             by_kernel = int(self._by_kernel(kernel, rest, 1)[0])
-            if not by_kernel:  # only the reference path can continue from there
+            if by_kernel == 0:
+                # The kernel refuses the last state, which the reference path found valid. It has
+                # overwritten this state. The reference path takes the next step.
                 rest.q[0, 0] = rest.q0[0]
                 rest.va[0, 0] = rest.va0[0]
                 by_kernel = 1
@@ -139,8 +150,8 @@ class CompiledStateSpace(StateSpace):
         return count
 
     def _by_kernel(self, kernel: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
-        """Fill the states of motions as far as the kernel computes them well, and count them."""
-        # For each state: det Phi_u, and 1 if the step from it is sound, else 0.
+        """Fill states of motions by the kernel; numbers of valid states, shape (N,)."""
+        # For each state: det Phi_u, and 1 if the step from this state is sound, else 0.
         verdicts = np.empty((*motions.q.shape[:2], 2))
         reached = kernel.run(
             motions.dt,
@@ -153,7 +164,8 @@ class CompiledStateSpace(StateSpace):
             verdicts,
             min(threads, sys.maxsize),
         )
-        reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise q
+        # The kernel normalises quaternions and cosine-sine pairs. Starts that need it are invalid.
+        reached[~self._mechanism.space.on_manifold(motions.q0)] = 0
         determinants = verdicts[..., 0]
         sound = verdicts[:, :-1, 1] > 0
         return self._continuous(motions, determinants, sound, reached)
@@ -161,11 +173,13 @@ class CompiledStateSpace(StateSpace):
     def _continuous(
         self, motions: RolloutArrays, determinants: Array, sound: Flags, reached: Indices
     ) -> Indices:
-        """Number of states of each motion before it leaves its assembly mode, shape (N,).
+        """Number of states of each motion before the kernel must stop, shape (N,).
 
-        Between two modes, and near a singularity, a block of Phi_u is almost singular. A short step
-        is sound if det Phi_u changes little to the middle and to the end of the step. The reference
-        path judges the other steps here, and the coordinates near a dead point.
+        It must stop before a step that leaves the assembly mode or that needs other coordinates.
+        Between two assembly modes, near a singularity and at a dead point of the coordinates, a
+        block of Phi_u is almost singular. So the kernel finds a short step sound if det Phi_u
+        changes little to the middle and to the end of the step. Steps that are not sound, and steps
+        from states where |det Phi_u| falls, are judged here by the reference path.
 
         Args:
             motions: The motions.
@@ -176,20 +190,20 @@ class CompiledStateSpace(StateSpace):
         q = motions.q
         until = reached.copy()
         steps = np.arange(motions.steps)
-        is_step = steps < reached[:, None]
-        # The last state of a motion has no step that could be judged.
-        sound = sound | (steps + 1 >= reached[:, None])
+        has_start = steps < reached[:, None]  # shape (N, steps)
+        has_end = steps + 1 < reached[:, None]
+        unsound = has_end & ~sound
         near_dead_point = self._falls(determinants)[:, :-1]
-        for i, s in np.argwhere(is_step & (near_dead_point | ~sound)):
+        for i, s in np.argwhere(has_start & (near_dead_point | unsound)):
             if s >= until[i]:  # an earlier step has ended this motion
                 continue
-            suits = self._suits(q[i, s], motions.va[i, s], motions.dt)
-            if not suits or not (sound[i, s] or self._continues(q[i, s], q[i, s + 1])):
+            suits = self._coordinates_suit(q[i, s], motions.va[i, s], motions.dt)
+            if not suits or (unsound[i, s] and not self._continues(q[i, s], q[i, s + 1])):
                 until[i] = s + 1
         return until
 
-    def _suits(self, q: Array, va: Array, h: float) -> bool:
-        """Whether the coordinates describe the motion well for a step from a state."""
+    def _coordinates_suit(self, q: Array, va: Array, h: float) -> bool:
+        """Whether the coordinates describe the motion well for a step h from a state."""
         try:
             return self._space_for_step(q, h * self.joint_rates(q, va)) is self
         except SSTError:
@@ -198,9 +212,9 @@ class CompiledStateSpace(StateSpace):
     def _falls(self, determinants: Array) -> Flags:
         """States where |det Phi_u| falls to a new level, shape (N, steps + 1).
 
-        Level k begins at half the usual size divided by `CHANGE`^k; the usual size is the largest
-        of the motion and of the robot's example. Each level counts once, so that a motion along a
-        dead point costs few tests.
+        The usual size of |det Phi_u| is the largest one of the motion and of the robot's example.
+        Level k begins at half of it divided by `CHANGE`^k. Each level counts once in a motion, so
+        that a motion along a dead point costs few tests.
         """
         sizes = np.abs(determinants)
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
