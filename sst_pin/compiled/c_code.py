@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels as C99: straight-line code on `real`, a number or a vector of samples.
 
-`c_statements` writes the statements of a kernel. Here they become functions (`body`), and these
-with templates of the folder `c` the source of a library (`library`). A template has blanks, such as
-${name}.
+`c_statements` writes the statements of a kernel. `body` makes functions of them, and `library`
+makes the sources of a library of functions and templates. Templates are files of the folder `c`;
+their blanks, such as ${name}, get the texts and numbers of a kernel.
+
+A kernel *along directions* computes a matrix column by column (`along_directions`). Its C consists
+of a function that runs *once* for a sample, and of *passes*, functions that compute the columns of
+a group of coordinates.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,7 +25,7 @@ from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
 from .recomputation import with_addresses_again, with_cheap_results_again
 
-#: Arguments of the functions of passes.
+#: Arguments of the function of a pass.
 _OF_PASSES = (
     "const number *restrict x, parameters p, const number *restrict o, const real *d, "
     "real *restrict y"
@@ -53,6 +57,11 @@ class Style(NamedTuple):
     #: be about its square, which is below rounding.
     last_step: float
 
+    @property
+    def tolerance(self) -> float:
+        """Tolerance of closed loops; kernels accept residuals up to half of it, `closed`."""
+        return 2 * self.closed
+
 
 STYLES = {
     "double": Style(
@@ -83,28 +92,30 @@ STYLES = {
 class KernelSource(NamedTuple):
     """The C of a kernel; `c_statements` describes the arrays x, p, y, d and o, c/real.h the types.
 
-    Every kernel has `void <name>_constants(constants p)`, which computes the constants in p from
-    the parameters. Another kernel than one along directions has
+    Every kernel has a function that computes the constants in p from the parameters:
 
-        void <name>(const real *x, parameters p, real *y)
+        void <name>_constants(constants p)
 
-    A kernel along directions has a function that runs once for a sample, with the factors of its
-    solution between results and checks in y, and a function for each pass:
+    A kernel along directions has a function that runs once for a sample, and one for each pass:
 
         void <name>_once(const real *x, parameters p, real *y)
         void <name>_pass_<k>(x, p, const number *o, const real *d, real *y)
+
+    Any other kernel has one function that computes its results and checks:
+
+        void <name>(const real *x, parameters p, real *y)
     """
 
     #: The function of constants, then the kernel; of one along directions only the former.
     text: str
     #: Size of p.
     size: int
-    #: Size of y, also of the function that runs once.
+    #: Size of the array y, of a kernel along directions that of the function that runs once.
     room: int
-    #: Of a kernel along directions the function that runs once, then those of the passes; each can
-    #: be compiled by itself.
+    #: Of a kernel along directions the function that runs once, then the passes; each can be
+    #: compiled by itself.
     functions: tuple[str, ...] = ()
-    #: The largest size of y of a pass.
+    #: Size of an array y that is large enough for each pass.
     room_of_passes: int = 0
 
 
@@ -120,11 +131,11 @@ def body(
 
     Args:
         kernel: The kernel.
-        size: Size of p before the constants of this kernel; that of the parameters by default.
+        size: Size of p before the constants of this kernel; by default the number of parameters.
         suffix: The suffix of literals, "f" in single precision.
         in_memory: Whether results that are used much later are kept in an array, in GNU C.
         recompute: Whether cheap results and addresses are computed again instead of kept, for GPUs.
-            Long functions stay as they are: their parts hand results on in an array.
+            This leaves long functions as they are: their parts hand results on in an array.
     """
     writer = written(kernel, size, suffix)
     name = kernel.name
@@ -133,6 +144,7 @@ def body(
     )
     arranged = statements.with_results_in_memory if in_memory else list
     is_along = kernel.along is not None
+    # Along directions it runs once for a sample; otherwise it is the only function.
     once = _function(
         storage="SEPARATE" if is_along else "static",
         name=f"{name}_once" if is_along else name,
@@ -185,11 +197,22 @@ def _function(
 ) -> _Function:
     """A function of some statements.
 
-    A long one is divided into parts, each a function of its own. They hand results on in an array
-    w, which is the end of y, after its first `room` entries.
+    A long function is divided into parts, each a function of its own. They hand results on in an
+    array w, which is the end of y, after its first `room` entries.
+
+    Args:
+        storage: "static", or SEPARATE (c/real.h) for a function that can be compiled by itself.
+        name: Its name.
+        arguments: Its arguments in C.
+        lines: Its statements.
+        room: Number of entries that the statements write to y.
+        arranged: Changes where results are kept in the statements of one function.
+        recompute: As in `body`.
     """
+    # The names of the arguments, without their types.
     names = [argument.split()[-1].lstrip("*") for argument in arguments.split(", ")]
-    unused = " ".join(f"(void){x};" for x in names if x != "y")  # against warnings of the compiler
+    # An argument that is not used would cause a warning of the compiler.
+    unused = " ".join(f"(void){x};" for x in names if x != "y")
     head = f"{storage} void {name}({arguments})"
     if len(lines) <= statements.LARGEST:
         if recompute:
@@ -248,13 +271,17 @@ def bodies(
 def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     """Sources of the library of a kernel, or of "closing" and "state_rate" for rollouts.
 
-    It offers `run_<entry>`, which runs the kernel on rows of samples, `sizes_run_<entry>` (of p, of
-    the output, of each input, -1) and `prepare_<entry>`. For rollouts, `run_<entry>` makes steps;
-    `rate_<entry>`, with its sizes, runs "state_rate" on samples with q and va in one array.
+    The library has
 
-    An option of the compiler defines LANES, the number of samples that are computed at once. Of a
-    kernel along directions it is the number of directions; what is computed once for a sample is
-    in a source of its own, on plain numbers.
+    - `prepare_<entry>`, which computes the constants in p;
+    - `run_<entry>`, which runs the kernel on rows of samples; for rollouts it makes steps;
+    - `sizes_run_<entry>`, the sizes of p, of the output, and of each input of `run`, then -1;
+    - for rollouts `rate_<entry>`, which runs "state_rate" on samples with q and va in one array,
+      and `sizes_rate_<entry>`.
+
+    An option of the compiler defines LANES, the number of samples that are computed at once. For a
+    kernel along directions it is the number of directions; its function that runs once for a sample
+    is in a source of its own, on plain numbers.
     """
     sources = bodies(kernels, in_memory=True)
     # The kernel of the quantity is the last one; for rollouts it is "state_rate", after "closing".
@@ -269,7 +296,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
         "q": sizes[0],
         "inputs": sum(sizes),
         "outputs": outputs,
-        "results": outputs,
+        "results": outputs,  # along directions: the size of the whole result, set below
         "checks": kernel.checks.numel(),
         "room": sources.room,
     }
@@ -327,7 +354,7 @@ def _entries_of_rollouts(
         "close": closing.name,
         "close_checks": closing.checks.numel(),
         "units": listed(closing.units),
-        # The criteria of a sound step; see `CompiledStateSpace`.
+        # Bounds of a sound step, which stays in its assembly mode: c/driver.h has the formulas.
         "bend": BEND,
         "tolerance": CLOSURE_TOLERANCE,
         "travel": TRAVEL,
@@ -352,7 +379,10 @@ def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:
 
 
 def blanks_of_directions(along: Directions) -> dict[str, object]:
-    """Texts for the blanks of the templates of kernels along directions, in C and in Warp."""
+    """Texts for the blanks of the templates of kernels along directions, in C and in Warp.
+
+    The members of `pass` and `columns` in c/driver.h have the same meanings.
+    """
     tables = list[str]()
     order = list[int]()
     entries = list[tuple[int, int]]()
