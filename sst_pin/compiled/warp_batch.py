@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dynamics of many samples of one robot on a GPU or a CPU, by kernels of NVIDIA Warp."""
+"""Dynamics of many samples of one robot on a GPU or a CPU, by kernels of NVIDIA Warp.
+
+`warp_code` generates one Python module of Warp for each quantity. A module has two kernels:
+
+- `prepare` writes p, which holds the parameters of the robots and the constants that follow from
+  the parameters alone;
+- `run` computes the samples from p and the arguments, one sample in each thread.
+
+A method of `WarpBatch`, such as `torques`, checks its arrays, takes the module of its quantity,
+launches `prepare` if p is not yet known, and launches `run`.
+"""
 
 import math
 import sys
@@ -17,7 +27,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, positive_number, require_word, whole_number
 from ..dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
 from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows, motor_gains
-from ..dynamics.quantities import Name, Quantity
+from ..dynamics.quantities import Quantity
 from ..dynamics.reference import Reference
 from ..errors import CompilationError, InputError
 from . import kernels, libraries, nonsmooth_c, warp_code
@@ -30,11 +40,14 @@ from .nonsmooth_motions import parameter_values
 from .symbolic_parameters import SymbolicParameters
 from .warp_nonsmooth import CONTINUED, FRESH, ITERATIONS, NonsmoothState
 
-#: Precisions of the C by Warp's types of numbers.
-_PRECISIONS = {style.dtype: style for style in STYLES.values()}
-#: Threads of a block: few, because a thread needs many registers; blocks at the same time, 0 for
-#: any number.
-_BLOCK, _BLOCKS = 64, 0
+#: How C is written for each type of numbers, "float64" and "float32".
+_STYLES = {style.dtype: style for style in STYLES.values()}
+#: Threads of a block: few, because a thread needs many registers.
+_BLOCK = 64
+#: The most blocks at the same time; with 0 Warp sets no limit.
+_BLOCKS = 0
+#: As the smoothing width of `prepare`: the kernel uses the width in the parameters.
+_WIDTH_OF_PARAMETERS = -1.0
 
 
 class Status(IntEnum):
@@ -45,9 +58,11 @@ class Status(IntEnum):
     SINGULAR = 2  #: The configuration is singular, or nearly so.
     NOT_FINITE = 3  #: A number is not finite, or an angle is too large.
     MODE = 4  #: A step may leave the assembly mode: it needs more substeps.
-    UNSOLVED = 5  #: The impulses are not solved: more `iterations`, or a shorter step. Not NaN.
-    #: The start violates a contact, a rope or a stop, as `ClosedChain.rollout` refuses it; in the
-    #: result of a nonsmooth step, ten times as much.
+    #: The impulses are not solved: more `iterations`, or a shorter step. The result is the best one
+    #: that was reached, not NaN.
+    UNSOLVED = 5
+    #: The start violates a contact, a rope or a stop by more than `ClosedChain.rollout` accepts. A
+    #: start that is the result of another nonsmooth step may violate them ten times as much.
     VIOLATED = 6
 
 
@@ -66,15 +81,20 @@ class State(NamedTuple):
 class WarpBatch:
     """Dynamics of many samples of one robot on one device.
 
-    Arguments are arrays of Warp on this device with numbers of this type, of any strides, or arrays
-    that `wp.from_dlpack` takes, such as those of NumPy, PyTorch and JAX. None is copied. The first
-    axis counts the N samples. A method compiles its kernel at its first call, and the caches of
-    Warp and of this package keep it.
+    Arguments are arrays of Warp on this device with numbers of this type and any strides, or arrays
+    that `wp.from_dlpack` takes, such as those of NumPy, PyTorch and JAX. No argument is copied. The
+    first axis counts the N samples. A method compiles its kernel at its first call, and the caches
+    of Warp and of this package keep it.
 
-    Each method checks every sample. Results of bad samples are NaN. `status`, an array of int32,
-    shape (N,), gets the reason for each sample, a `Status`; `out` gets the result. With both a call
-    allocates no memory, as a CUDA graph needs it. `out` is contiguous for derivatives, side by
-    side, (N, n, 3 n) or (N, n, 2 n + motors), and for placements, p above R, (N, 4, 3).
+    Each method checks every sample. Results of bad samples are NaN. Every method takes two optional
+    arrays of the caller:
+
+    - `status`, int32, shape (N,), gets the `Status` of each sample;
+    - `out` gets the result. Derivatives stand in it side by side, shape (N, n, 3 n) for torques and
+      (N, n, 2 n + motors) for accelerations. A placement is p followed by the rows of R, shape
+      (N, 4, 3). In both cases `out` must be contiguous.
+
+    A call with both arrays allocates no memory, as a CUDA graph requires.
 
     A batch keeps the robot as it was: after `ClosedChain.refresh` make another one.
 
@@ -86,19 +106,23 @@ class WarpBatch:
     """
 
     def __init__(self, reference: Reference, near: Array | None, device: Any, dtype: str) -> None:
-        require_word("dtype", dtype, _PRECISIONS)
+        require_word("dtype", dtype, _STYLES)
         self._reference = reference
         self._mechanism = reference.mechanism
         self._near = near
         self._mechanism.require_freedom()
         self.device = wp.get_device(device)
         self.dtype = getattr(wp, dtype)
-        self._style = _PRECISIONS[dtype]
-        self._open = SymbolicParameters(self._mechanism)
+        self._style = _STYLES[dtype]
+        self._symbolic_parameters = SymbolicParameters(self._mechanism)
+        # What was made so far. Batches of `with_parameters` share it.
         self._modules: dict[Quantity, ModuleType] = {}
+        #: Modules of nonsmooth steps by whether external wrenches act.
         self._nonsmooth_modules: dict[bool, ModuleType] = {}
+        #: Equations by whether external wrenches act, and whether Coulomb friction is smooth.
         self._equations: dict[tuple[bool, bool], Equations] = {}
-        self._set(self._open.pack(self._mechanism, self._mechanism.friction))
+        numbers = self._symbolic_parameters.pack(self._mechanism, self._mechanism.friction)
+        self._set_parameters(numbers)
 
     def __repr__(self) -> str:
         robot = self._mechanism.model.name
@@ -110,34 +134,38 @@ class WarpBatch:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, as "foot_joint.mass"; a body has the name of its joint.
+        """Names of the parameters, such as "foot_joint.mass"; a body has the name of its joint.
 
-        A body has ten, in the axes of its joint's frame: mass, first moment, second moments of
-        mass. All are proportional to its density.
+        A body has ten parameters, in the frame of its joint: the mass, the first moments x, y, z
+        and the second moments xx, xy, xz, yy, yz, zz of its mass. All ten are proportional to the
+        density of the body.
         """
-        return self._open.names(self._mechanism)
+        return self._symbolic_parameters.names(self._mechanism)
 
     def with_parameters(self, parameters: Any) -> "WarpBatch":
         """This robot with other masses, friction, springs and gravity, without a compilation.
 
         Args:
-            parameters: In the order of `parameter_names`, shape (p,) for all robots, or (N, p). It
-                is copied: later changes of it have no effect.
+            parameters: Numbers in the order of `parameter_names`: one row for all robots, shape
+                (names,), or one for each robot, shape (N, names). They are copied: later changes
+                have no effect.
         """
         batch = copy(self)
-        batch._set(parameters)
+        batch._set_parameters(parameters)
         return batch
 
-    def _set(self, parameters: Any) -> None:
+    def _set_parameters(self, parameters: Any) -> None:
+        """Take other parameters, and drop the arrays that were computed from the previous ones."""
         if not isinstance(parameters, wp.array):
             parameters = wp.array(parameters, dtype=self.dtype, device=self.device)
         if parameters.ndim == 1:
             parameters = parameters.reshape((1, -1))
-        #: Shape (N, p), or (1, p) where all robots have the same.
-        self.parameters = wp.clone(self._array("parameters", parameters, (self._open.size,), None))
-        #: Parameters followed by the constants of a module, by module and width of the sign.
+        shape = (self._symbolic_parameters.size,)
+        #: Shape (N, names), or (1, names) if all robots have the same.
+        self.parameters = wp.clone(self._array("parameters", parameters, shape, None))
+        #: The arrays p of the kernels, by module and smoothing width of Coulomb friction.
         self._prepared: dict[tuple[ModuleType, float], Any] = {}
-        #: Numbers of nonsmooth steps, by the gains.
+        #: Numbers of nonsmooth steps, by the stiffness and damping of the motors.
         self._nonsmooth_numbers: dict[tuple[bytes, bytes], Any] = {}
 
     # --- quantities -------------------------------------------------------------------------
@@ -149,50 +177,60 @@ class WarpBatch:
             q: Configurations, shape (N, nq).
             va: Rates of the coordinates, shape (N, n).
             aa: Accelerations of the coordinates, shape (N, n).
-            options: `external_wrenches`, [force; moment] on each body, shape (N, r, 6), `out`,
-                `status`.
+            options: `out` and `status`, see `WarpBatch`; `external_wrenches`, [force; moment] on
+                each of the r bodies, shape (N, r, 6), as those of `ClosedChain.compute_torques`.
         """
-        return self._run(Quantity("torques"), {"q": q, "va": va, "aa": aa}, **options)
+        return self._result(Quantity("torques"), {"q": q, "va": va, "aa": aa}, **options)
 
     def generalized_forces(self, q: Any, va: Any, aa: Any, **options: Any) -> Any:
         """Forces along the coordinates, shape (N, n); arguments as those of `torques`."""
+        # If each motor drives one coordinate, both quantities are equal and share a kernel.
         same = self._mechanism.driven_one_to_one
         key = Quantity("torques" if same else "generalized_forces")
-        return self._run(key, {"q": q, "va": va, "aa": aa}, **options)
+        return self._result(key, {"q": q, "va": va, "aa": aa}, **options)
 
     def accelerations(self, q: Any, va: Any, tau: Any, **options: Any) -> Any:
         """Accelerations of the coordinates under torques, shape (N, n); see `torques`."""
-        return self._run(Quantity("accelerations"), {"q": q, "va": va, "tau": tau}, **options)
+        return self._result(Quantity("accelerations"), {"q": q, "va": va, "tau": tau}, **options)
 
     def rates(self, q: Any, va: Any, **options: Any) -> Any:
         """Rates of all joints, shape (N, nv)."""
-        return self._run(Quantity("rates"), {"q": q, "va": va}, **options)
+        return self._result(Quantity("rates"), {"q": q, "va": va}, **options)
 
     def closed(self, q: Any, **options: Any) -> Any:
         """Closed configurations next to q with the same coordinates, shape (N, nq)."""
-        return self._run(Quantity("closing"), {"q": q}, **options)
+        return self._result(Quantity("closing"), {"q": q}, **options)
 
     def frame_placement(self, q: Any, frame: str, **options: Any) -> tuple[Any, Any]:
         """Position and orientation of a frame in the base, shapes (N, 3) and (N, 3, 3)."""
-        result = self._run(Quantity("frame_placement", frame), {"q": q}, **options)
+        result = self._result(Quantity("frame_placement", frame), {"q": q}, **options)
         return result[:, 0], result[:, 1:]
 
     def torque_derivatives(
         self, q: Any, va: Any, aa: Any, *, sign_width: float = 1e-3, **options: Any
     ) -> TorqueDerivatives:
-        """Derivatives of the generalized forces, each (N, n, n), as those of `ClosedChain`."""
-        key = Quantity("torque_derivatives", sign_width=positive_number("sign_width", sign_width))
-        result = self._run(key, {"q": q, "va": va, "aa": aa}, **options)
+        """Derivatives of the generalized forces by q, va and aa, as those of `ClosedChain`.
+
+        Each has the shape (N, n, n). Coulomb friction is smooth: the sign of a rate v is replaced
+        by tanh(v / sign_width).
+        """
+        width = positive_number("sign_width", sign_width)
+        key = Quantity("torque_derivatives", sign_width=width)
+        result = self._result(key, {"q": q, "va": va, "aa": aa}, **options)
         n = self._n
-        return TorqueDerivatives(*(result[:, :, k * n : (k + 1) * n] for k in range(3)))
+        parts = result[:, :, :n], result[:, :, n : 2 * n], result[:, :, 2 * n :]
+        return TorqueDerivatives(*parts)
 
     def acceleration_derivatives(
         self, q: Any, va: Any, tau: Any, *, sign_width: float = 1e-3, **options: Any
     ) -> AccelerationDerivatives:
-        """Derivatives of the accelerations by q, va and tau, as those of `ClosedChain`."""
+        """Derivatives of the accelerations by q, va and tau, as those of `ClosedChain`.
+
+        Shapes (N, n, n), (N, n, n) and (N, n, motors); friction as in `torque_derivatives`.
+        """
         width = positive_number("sign_width", sign_width)
         key = Quantity("acceleration_derivatives", sign_width=width)
-        result = self._run(key, {"q": q, "va": va, "tau": tau}, **options)
+        result = self._result(key, {"q": q, "va": va, "tau": tau}, **options)
         n = self._n
         parts = result[:, :, :n], result[:, :, n : 2 * n], result[:, :, 2 * n :]
         return AccelerationDerivatives(*parts)
@@ -216,19 +254,20 @@ class WarpBatch:
         """States after `dt` seconds with constant torques, by the classical Runge-Kutta method.
 
         After each substep the dependent joints are corrected, so that the loops stay closed. A
-        sample is bad (`Status.MODE`) if det Phi_u changes by more than a factor of 1.25 in half a
-        substep, near a singularity or between two assembly modes, or if a substep is too long.
+        sample is bad (`Status.MODE`) if a substep is too long, or if det Phi_u changes by more than
+        a factor of 1.25 in half a substep. Phi_u are the columns of Phi for the dependent rates;
+        its determinant changes fast near a singularity and between two assembly modes.
 
         Args:
-            state: q, shape (N, nq), and va, shape (N, n).
+            state: q, shape (N, nq), and va, shape (N, n); a `State` or a `NonsmoothState`.
             tau: Motor torques, shape (N, motors).
             dt: [s]; a negative step goes back in time.
             substeps: Number of Runge-Kutta steps.
             sign_width: Rates within which Coulomb friction is smooth, [rad/s] or [m/s].
             nonsmooth: Whether joints stop at their limits (planar, ball and free joints have no
                 stops), dry friction sticks, and contacts, ropes and cables act, by the steps of
-                `ClosedChain.rollout(..., nonsmooth=True)`. Give the result as the next `state`: its
-                impulses are where the solver starts.
+                `ClosedChain.rollout(..., nonsmooth=True)`. Give the result as the next `state`: the
+                solver starts from its impulses.
             motor_stiffness: Gains of position control in the motors, shape (motors,), as those of
                 `ClosedChain.rollout`, for `nonsmooth`.
             motor_damping: Gains of the rates, shape (motors,).
@@ -241,7 +280,7 @@ class WarpBatch:
         """
         steps = whole_number("substeps", substeps, 1)
         width = positive_number("sign_width", sign_width)
-        q, va, *_ = state
+        q, va, *_ = state  # of a NonsmoothState also the first two fields
         h = float(dt) / steps
         if nonsmooth:
             positive_number("dt", dt)
@@ -268,68 +307,78 @@ class WarpBatch:
         inputs = {"q": q, "va": va, "tau": tau}
         return self._smooth_step(key, inputs, out, h=h, steps=steps, **options)
 
+    # --- modules ----------------------------------------------------------------------------
+
     def module(self, key: Quantity) -> ModuleType:
-        """Warp's kernels of a quantity, for `wp.compile_aot_module`; "rollout" makes steps."""
+        """The module with Warp's kernels of a quantity, for `wp.compile_aot_module`.
+
+        The module of "rollout" makes the steps of `step`.
+        """
         if key not in self._modules:
-            self._modules[key] = self._module(key)
+            self._modules[key] = self._generated_module(key)
         return self._modules[key]
 
     def nonsmooth_module(self, *, loaded: bool = False) -> ModuleType:
-        """As `module`, of nonsmooth steps; `loaded` with external wrenches."""
+        """The module with Warp's kernels of nonsmooth steps; `loaded` with external wrenches."""
         if loaded not in self._nonsmooth_modules:
-            self._nonsmooth_modules[loaded] = self._nonsmooth_module(loaded)
+            self._nonsmooth_modules[loaded] = self._generated_nonsmooth_module(loaded)
         return self._nonsmooth_modules[loaded]
 
-    # --- inside -----------------------------------------------------------------------------
-
-    def _module(self, key: Quantity) -> ModuleType:
-        """A module from the cache, or generated now."""
+    def _generated_module(self, key: Quantity) -> ModuleType:
+        """The module of a quantity, from the cache or generated now."""
         mechanism = self._mechanism
         name = key.name
-        size: dict[Name, Name] = {"rollout": "accelerations", "frame_placement": "rates"}
-        if problem := impossible(mechanism, size.get(name, name)):
+        # Steps need the accelerations.
+        if problem := impossible(mechanism, "accelerations" if name == "rollout" else name):
             raise CompilationError(problem)
-        entry = {"rollout": "step", "closing": "close"}.get(name, "run")
-        if name.endswith("derivatives"):
+        template = {"rollout": "step", "closing": "close"}.get(name, "run")
+        is_derivative = name.endswith("derivatives")
+        if is_derivative:
+            # By directions of the coordinates: this code is shorter than that of whole matrices.
             key = key._replace(along=True)
-            entry = "along"
+            template = "along"
 
         def source() -> str:
-            equations = self._equations_of(key.loaded, name.endswith("derivatives"))
+            equations = self._equations_of(key.loaded, smooth=is_derivative)
             checks = Checks(equations, self._style.closed, self._style.rounding)
-            return warp_code.module(kernels.entry(equations, key, checks), entry, self._style)
+            return warp_code.module(kernels.entry(equations, key, checks), template, self._style)
 
-        content = fingerprint(mechanism, self._open, self._near, key.frame)
+        content = fingerprint(mechanism, self._symbolic_parameters, self._near, key.frame)
         label = f"warp {key} {self._style.dtype}"
         return _imported(libraries.text(mechanism.model.name, label, content, source))
 
-    def _nonsmooth_module(self, loaded: bool) -> ModuleType:
-        """A module of nonsmooth steps from the cache, or generated now."""
+    def _generated_nonsmooth_module(self, loaded: bool) -> ModuleType:
+        """The module of nonsmooth steps, from the cache or generated now."""
         mechanism = self._mechanism
         if problem := impossible(mechanism, "accelerations"):
             raise CompilationError(problem)
 
         def source() -> str:
-            equations = self._equations_of(loaded, False)
+            equations = self._equations_of(loaded, smooth=False)
             checks = Checks(equations, self._style.closed, self._style.rounding)
-            tolerance = 2 * self._style.closed
-            step = nonsmooth_c.step_source(equations, self._rows, checks, tolerance)
+            step = nonsmooth_c.step_source(equations, self._rows, checks, self._style.tolerance)
             return warp_code.nonsmooth_module(step, self._style)
 
-        content = fingerprint(mechanism, self._open, self._near, rows=self._rows)
+        symbolic = self._symbolic_parameters
+        content = fingerprint(mechanism, symbolic, self._near, rows=self._rows)
         label = f"warp nonsmooth{'_loaded' if loaded else ''} {self._style.dtype}"
         return _imported(libraries.text(mechanism.model.name, label, content, source))
 
     def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
+        """The equations with or without external wrenches, with friction that is smooth or not."""
         if (loaded, smooth) not in self._equations:
             samples = sample_configurations(self._reference, self._near)
             self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
         return self._equations[loaded, smooth]
 
-    def _run(self, key: Quantity, inputs: dict[str, Any], out: Any = None, **options: Any) -> Any:
+    # --- launches of kernels ----------------------------------------------------------------
+
+    def _result(
+        self, key: Quantity, inputs: dict[str, Any], out: Any = None, **options: Any
+    ) -> Any:
         """The result of a quantity; `options` as those of `torques`."""
-        of_user = {"out": _Result(str(key.name), out)}
-        return self._launched(key, inputs, of_user, **options)["out"]
+        outputs = {"out": _Output(str(key.name), out)}
+        return self._launch_quantity(key, inputs, outputs, **options)["out"]
 
     def _smooth_step(
         self,
@@ -342,28 +391,28 @@ class WarpBatch:
         **options: Any,
     ) -> State:
         """The states after Runge-Kutta steps of length h."""
-        of_q, of_va = _outputs(State._fields, out)
-        of_user = {"out": _Result("q", of_q), "va_out": _Result("va", of_va)}
-        results = self._launched(key, inputs, of_user, h=h, steps=steps, **options)
+        q_out, va_out = _caller_arrays(State._fields, out)
+        outputs = {"out": _Output("q", q_out), "va_out": _Output("va", va_out)}
+        results = self._launch_quantity(key, inputs, outputs, h=h, steps=steps, **options)
         return State(q=results["out"], va=results["va_out"])
 
-    def _launched(
+    def _launch_quantity(
         self,
         key: Quantity,
         inputs: dict[str, Any],
-        of_user: dict[str, "_Result"],
+        outputs: dict[str, "_Output"],
         *,
         external_wrenches: Any = None,
         status: Any = None,
         h: float = 0.0,
         steps: int = 0,
     ) -> dict[str, Any]:
-        """Launch the kernel of a quantity; its results, by their arguments in `warp_code.RUN`.
+        """Launch the kernel of a quantity, and return the arrays of its outputs.
 
         Args:
             key: The quantity.
             inputs: The arrays of its inputs, by name.
-            of_user: The results that it fills, by their arguments.
+            outputs: Its outputs, by the arguments of the kernel (`warp_code.RUN`) that they fill.
             external_wrenches: Wrenches on bodies, or None.
             status: Array for the status of each sample, or None.
             h: Length of a step, [s].
@@ -373,18 +422,22 @@ class WarpBatch:
         if external_wrenches is not None:
             key = key._replace(loaded=True)
             inputs = inputs | {kernels.WRENCHES: external_wrenches}
-        arrays, count = self._arrays(inputs)
+        arrays, count = self._input_arrays(inputs)
         arguments: dict[str, Any] = {"h": h, "steps": steps}
         for name, array in arrays.items():
-            # The last input of motions is aa or tau.
+            # aa and tau share an argument: no kernel takes both.
             arguments["last" if name in ("aa", "tau") else name] = array
-        arguments["status"] = self._status(status, count)
+        arguments["status"] = self._status_array(status, count)
         results = {}
-        for argument, (name, array) in of_user.items():
-            results[argument] = self._output(name, array, count)
-            flat = results[argument]
-            arguments[argument] = flat if flat.ndim == 2 else flat.reshape((count, -1))
-        module, arguments["p"] = self._prepare(key)
+        for argument, output in outputs.items():
+            array = self._output_array(output.name, output.array, count)
+            results[argument] = array
+            # The kernel writes arrays with two axes.
+            arguments[argument] = array if array.ndim == 2 else array.reshape((count, -1))
+        width = _WIDTH_OF_PARAMETERS if key.sign_width is None else key.sign_width
+        # All widths have the same code: the width is a parameter.
+        module = self.module(key._replace(sign_width=None))
+        arguments["p"] = self._prepared_parameters(module, width)
         self._launch(module, count, arguments, warp_code.RUN)
         return results
 
@@ -404,8 +457,9 @@ class WarpBatch:
     ) -> NonsmoothState:
         """Launch the kernel of nonsmooth steps of length h.
 
-        `inputs` are q, va and tau; `held` are positions of the motors, and `start` are impulses, or
-        None. The other arguments are those of `step`.
+        `inputs` are q, va and tau. `held` are the positions that the motors hold, and `start` the
+        impulses from which the solver starts; both may be None. The other arguments are those of
+        `step`.
         """
         _require_on_bodies(external_wrenches)
         optional = {
@@ -413,33 +467,34 @@ class WarpBatch:
             "motor_positions": held,
             "impulses": start,
         }
-        arrays, count = self._arrays(
+        arrays, count = self._input_arrays(
             inputs | {name: value for name, value in optional.items() if value is not None}
         )
-        status = self._status(status, count)
+        status = self._status_array(status, count)
 
         fields = NonsmoothState._fields
         results: dict[str, Any] = {}
-        of_results: dict[str, Any] = {}  # arguments with two axes; None where there is nothing
-        for name, of_user in zip(fields, _outputs(fields, out), strict=True):
-            results[name] = self._output(name, of_user, count)
+        output_arguments: dict[str, Any] = {}
+        for name, of_caller in zip(fields, _caller_arrays(fields, out), strict=True):
+            array = self._output_array(name, of_caller, count)
+            results[name] = array
             argument = f"{name}_out" if name in ("q", "va") else name
+            # The kernel writes arrays with two axes, and takes None for an empty one.
             size = math.prod(self._shape(name))
-            of_results[argument] = results[name].reshape((count, size)) if size else None
+            output_arguments[argument] = array.reshape((count, size)) if size else None
         module = self.nonsmooth_module(loaded=external_wrenches is not None)
-        arguments = of_results | {
+        arguments = output_arguments | {
             "q": arrays["q"],
             "va": arrays["va"],
             "tau": arrays["tau"],
             kernels.WRENCHES: arrays.get(kernels.WRENCHES),
-            "p": self._prepared_by(module),
-            "numbers": self._numbers_of(gains),
+            "p": self._prepared_parameters(module, _WIDTH_OF_PARAMETERS),
+            "numbers": self._numbers_of_steps(gains),
             "held": arrays.get("motor_positions"),
             "start": arrays.get("impulses"),
             "h": h,
             "steps": steps,
             "series": iterations,
-            # A step that continues another one may start with the violation which that one leaves.
             "violation": FRESH if start is None else CONTINUED,
             "status": status,
         }
@@ -455,20 +510,18 @@ class WarpBatch:
     ) -> None:
         """Launch `run` of a module for `count` samples.
 
-        `names` are those of its arguments in their order; arguments that are missing are None.
+        `names` are the names of its arguments in their order; missing arguments are None.
         """
         in_order = [arguments.get(name) for name in names]
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
         wp.launch(module.run, count, in_order, **options)
 
-    def _prepare(self, key: Quantity) -> tuple[ModuleType, Any]:
-        """The kernels of a quantity, and the parameters followed by the constants."""
-        width = -1.0 if key.sign_width is None else key.sign_width
-        module = self.module(key._replace(sign_width=None))
-        return module, self._prepared_by(module, width)
+    def _prepared_parameters(self, module: ModuleType, width: float) -> Any:
+        """The array p of a module with a smoothing width, shape (size of p, robots).
 
-    def _prepared_by(self, module: ModuleType, width: float = -1.0) -> Any:
-        """The parameters followed by the constants of a module, with a width of the sign."""
+        `prepare` computes it from the parameters. A column belongs to one robot, so that threads
+        that run side by side read numbers that stand side by side.
+        """
         if (module, width) not in self._prepared:
             robots = self.parameters.shape[0]
             p = wp.empty((module.size, robots), dtype=self.dtype, device=self.device)
@@ -482,46 +535,47 @@ class WarpBatch:
         """The rows of nonsmooth steps, without gains of motors."""
         return NonsmoothRows(self._mechanism, motor_gains(None, None, self._mechanism.motor_count))
 
-    def _numbers_of(self, gains: MotorGains) -> Any:
-        """Numbers of nonsmooth steps, a row for each robot."""
+    def _numbers_of_steps(self, gains: MotorGains) -> Any:
+        """Numbers of nonsmooth steps (`parameter_values`), shape (1 or N, count)."""
         key = gains.stiffness.tobytes(), gains.damping.tobytes()
         if key not in self._nonsmooth_numbers:
             rows = NonsmoothRows(self._mechanism, gains)
             p = self.parameters.numpy().astype(float)
-            numbers = parameter_values(rows, self._open, p)
+            numbers = parameter_values(rows, self._symbolic_parameters, p)
             self._nonsmooth_numbers[key] = wp.array(numbers, dtype=self.dtype, device=self.device)
         return self._nonsmooth_numbers[key]
+
+    # --- arrays and their shapes --------------------------------------------------------------
 
     @property
     def _n(self) -> int:
         return len(self._mechanism.coordinates)
 
     def _shape(self, name: str) -> tuple[int, ...]:
-        """Shape of an array of one sample."""
+        """Shape of an input or a result of one sample, by its name."""
         model = self._mechanism.model
         n = self._n
         motors = self._mechanism.motor_count
         shapes: dict[str, tuple[int, ...]] = {
             "q": (model.nq,),
             "va": (n,),
+            "aa": (n,),
             "tau": (motors,),
             "external_wrenches": (model.njoints - 1, 6),
+            "motor_positions": (motors,),
             "torques": (motors,),
+            "generalized_forces": (n,),
+            "accelerations": (n,),
             "rates": (model.nv,),
             "closing": (model.nq,),
             "frame_placement": (4, 3),
             "torque_derivatives": (n, 3 * n),
             "acceleration_derivatives": (n, 2 * n + motors),
-            "motor_positions": (motors,),
         }
-        if name in shapes:
-            return shapes[name]
-        if name in NonsmoothState._fields:
-            return self._nonsmooth_shape(name)
-        return (n,)
+        return shapes[name] if name in shapes else self._nonsmooth_shape(name)
 
     def _nonsmooth_shape(self, name: str) -> tuple[int, ...]:
-        """Shape of one sample of a result of nonsmooth steps."""
+        """Shape of a result of nonsmooth steps of one sample, by its name."""
         parts = self._rows.parts
         shapes: dict[str, tuple[int, ...]] = {
             "contact_forces": (len(self._mechanism.contacts.points), 3),
@@ -533,10 +587,10 @@ class WarpBatch:
         }
         return shapes[name]
 
-    def _arrays(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
-        """The arrays of inputs, and the number of samples.
+    def _input_arrays(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
+        """The arrays of Warp for inputs, and the number N of samples.
 
-        An array is None if a sample has no numbers in it, such as torques without motors.
+        An array is None if it is empty for a sample, such as torques without motors.
         """
         count: Any = None
         arrays: dict[str, Any] = {}
@@ -545,31 +599,40 @@ class WarpBatch:
             array = self._array(name, value, shape, count)
             count = array.shape[0]
             arrays[name] = array if math.prod(shape) else None
-        self._require_samples(count)
+        robots = self.parameters.shape[0]
+        if robots not in (1, count):
+            raise InputError("q", f"{count} samples of {robots} robots")
         return arrays, count
 
-    def _status(self, status: Any, count: int) -> Any:
-        """The array of the user for the status of each sample, or None."""
+    def _status_array(self, status: Any, count: int) -> Any:
+        """The array of the caller for the status of each sample, or None."""
         if status is None:
             return None
         return self._array("status", status, (), count, wp.int32)
 
-    def _output(self, name: str, of_user: Any, count: int) -> Any:
-        """The array for a result: that of the user, or a new one."""
+    def _output_array(self, name: str, of_caller: Any, count: int) -> Any:
+        """The array for a result: that of the caller, or a new one if it is None."""
         shape = self._shape(name)
-        if of_user is None:
+        if of_caller is None:
             return wp.empty((count, *shape), dtype=self.dtype, device=self.device)
-        return self._array("out", of_user, shape, count)
-
-    def _require_samples(self, count: int) -> None:
-        """Refuse samples that are not as many as the robots with parameters of their own."""
-        if self.parameters.shape[0] not in (1, count):
-            raise InputError("q", f"{count} samples of {self.parameters.shape[0]} robots")
+        array = self._array("out", of_caller, shape, count)
+        # Kernels write arrays with two axes. Other results are reshaped, which needs contiguity.
+        if len(shape) != 1 and not array.is_contiguous:
+            raise InputError("out", "not contiguous")
+        return array
 
     def _array(
         self, name: str, value: Any, shape: tuple[int, ...], count: int | None, dtype: Any = None
     ) -> Any:
-        """An argument as an array of Warp, without a copy; its first axis has `count` samples."""
+        """An argument as an array of Warp, without a copy.
+
+        Args:
+            name: Its name, for messages.
+            value: An array of Warp, or one that DLPack can share.
+            shape: The shape that it must have for one sample.
+            count: The number of samples, which its first axis must have; any number if None.
+            dtype: The type that its numbers must have; by default that of the batch.
+        """
         dtype = dtype or self.dtype
         if not isinstance(value, wp.array):
             if not hasattr(value, "__dlpack__"):
@@ -581,30 +644,27 @@ class WarpBatch:
         if value.dtype != dtype or value.device != self.device:
             here = f"{value.dtype.__name__} on {value.device}"
             raise InputError(name, f"{here}, expected {dtype.__name__} on {self.device}")
-        flattened = shape == () or len(shape) == 2
-        if flattened and name == "out" and not value.is_contiguous:
-            raise InputError(name, "not contiguous")
         return value
 
 
 def _require_on_bodies(external_wrenches: Any) -> None:
-    """Refuse wrenches at frames."""
+    """Refuse wrenches at frames, which `ClosedChain` takes as a mapping."""
     if isinstance(external_wrenches, Mapping):
         problem = "wrenches at frames; give an array of wrenches on bodies at mass centres"
         raise InputError("external_wrenches", problem)
 
 
-class _Result(NamedTuple):
-    """A result that a kernel fills."""
+class _Output(NamedTuple):
+    """A result that a kernel writes."""
 
     #: Its name, which determines its shape.
     name: str
-    #: The array of the user, or None for a new one.
+    #: The array of the caller; None for a new one.
     array: Any
 
 
-def _outputs(fields: Sequence[str], out: tuple[Any, ...] | None) -> Sequence[Any]:
-    """The array of the user for each field of a result, or None."""
+def _caller_arrays(fields: Sequence[str], out: tuple[Any, ...] | None) -> Sequence[Any]:
+    """The array of the caller for each field of a result; None for a new one."""
     if out is None:
         return [None for _ in fields]
     if len(out) != len(fields):
@@ -614,8 +674,8 @@ def _outputs(fields: Sequence[str], out: tuple[Any, ...] | None) -> Sequence[Any
 
 @cache
 def _imported(path: Path) -> ModuleType:
-    """A module of Warp's kernels."""
-    robot, kernel, key, _ = path.name.rsplit(".", 3)
+    """The module of Warp's kernels in a file of the cache, which `libraries.text` named."""
+    robot, kernel, key, _ = path.name.rsplit(".", 3)  # ".py" is the last part
     name = f"{robot}_{kernel}_{key[:8]}"
     module = sys.modules[name] = ModuleType(name)
     exec(compile(path.read_text("utf-8"), path, "exec"), module.__dict__)
