@@ -3,11 +3,14 @@
 
 from typing import Any, NamedTuple
 
-#: Largest violation of contacts, ropes and stops at the start of a step, in multiples of the one
-#: with which a motion may start: `NonsmoothRows.least_gaps`, 1/1000 of the robot's length or of a
-#: radian. A step that continues another one starts with the violation which that one leaves. If
-#: this is above 1/100, the steps are too long for their motion.
-FRESH, CONTINUED = 1.0, 10.0
+# A step may start with a small violation of contacts, ropes and stops. The largest one is a
+# multiple of `NonsmoothRows.least_gaps`, 1/1000 of the robot's length or of a radian, which is the
+# largest violation at the start of `ClosedChain.rollout`.
+#: The multiple for a step that begins a motion.
+FRESH = 1.0
+#: The multiple for a step that continues another one: the other step leaves a violation. If this is
+#: above 1/100 of the length or of a radian, the steps are too long for their motion.
+CONTINUED = 10.0
 #: The most rounds of the solver in a substep, by default. Each round consists of Gauss-Seidel
 #: sweeps and Newton's steps. There are fewer than the 30 of `rollout`, because neighbouring robots
 #: on a GPU wait for the slowest one.
