@@ -5,9 +5,18 @@ A *kernel* computes a quantity, such as the torques, for one sample or many. It 
 its loops are closed, no pivot is much smaller than in the sample configurations, all numbers are
 finite. Samples that fail go to the reference path, one by one.
 
-The *key* of a kernel is a `Quantity`: a name, with a frame, loads or a smoothing width if it needs
-them. Its C is compiled in one or two *variants*: for single samples and for batches. Masses,
-friction and springs are parameters of the compiled code, so several kernels share one code.
+The *key* of a kernel is a `Quantity`: the name of what it computes, with a frame, external wrenches
+or the smoothing width of friction if it needs them. Masses, friction, springs and this width are
+parameters of the compiled code, so kernels of all widths share one code.
+
+A kernel computes several numbers at once, one in each lane of a vector register. The lanes hold
+either samples, or *directions* of one sample, which are columns of a matrix such as a derivative
+(`dynamics.quantities`). What is best differs between one sample and a batch. So a kernel has code
+in two *variants*, one for single samples and one for batches; both may be the same.
+
+`CompiledBackend.kernel` makes a kernel: `_codes_of` finds its code, `_variants` decides how to
+compile it, `_load` takes the library from the cache or compiles it, and `_sources_of` generates the
+C.
 """
 
 import threading
@@ -32,7 +41,7 @@ from ..model.closures import Brake, Rolling
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import libraries
-from .compiled_states import CompiledStateSpace
+from .compiled_states import LARGEST_RATIO, LONGEST_FIRST_STEP, CompiledStateSpace
 from .compiler import LONG, SINGLE, TARGETS
 from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
@@ -50,29 +59,24 @@ FIRST = (Quantity("torques"), Quantity("accelerations"))
 #: Derivatives of the dynamics.
 DERIVATIVES = (Quantity("torque_derivatives"), Quantity("acceleration_derivatives"))
 
-#: Derivatives of one sample are computed direction by direction if so many passes suffice for all
-#: directions, several of which fit into a register. Whole matrices take longer then.
-_MOST_PASSES = 2
-#: Batches are computed by whole matrices if n^2 nv is at most this, with n coordinates and nv
-#: rates: the code of a matrix grows faster than that of a direction.
+#: Derivatives of one sample are computed by directions if the directions of all coordinates fit
+#: into this number of vector registers. Then whole matrices take longer.
+_MOST_REGISTERS = 2
+#: Batches too are computed by directions if n^2 nv is larger, with n coordinates and nv rates: the
+#: code of a whole matrix grows faster with the robot than the code of a direction.
 _LARGEST = 10_000
-#: Number of kernels of derivatives, one for each smoothing width, at which all are dropped.
-_WIDTHS = 16
+#: If there are this many kernels of derivatives, one for each smoothing width, all are dropped.
+_MOST_WIDTHS = 16
 
-# Newton's method leads to the nearest closed configuration if the first step is short, and each
-# step much shorter than the one before. Lengths of steps are in [rad] or robot lengths.
-#: Longest first step.
-_LONGEST_FIRST_STEP = 0.1
-#: Largest ratio of the length of a step to that of the one before.
-_LARGEST_RATIO = 0.1
-#: The loops are closed after a step that is shorter: the next one would be its square.
+# Lengths of steps of Newton's method onto the closures, [rad] or robot lengths.
+#: The loops are closed after a step that is shorter: the next step would be about its square.
 _LONGEST_LAST_STEP = 1e-9
 #: A shorter step is rounding.
 _ROUNDING = 1e-14
 
 
 def every_key() -> list[Quantity]:
-    """The keys of all kernels but those of frames."""
+    """The keys of all kernels but those of frames, of which a robot has many."""
     keys = []
     for name, properties in QUANTITIES.items():
         if properties.of_frame:
@@ -86,7 +90,14 @@ def every_key() -> list[Quantity]:
 def compiled_engine(
     before: engine.Engine, q: ArrayLike | None, *, derivatives: bool, every: bool
 ) -> engine.Engine:
-    """The engine of the same mechanism with kernels; see `ClosedChain.compile`."""
+    """The engine of the same mechanism with kernels; see `ClosedChain.compile`.
+
+    Args:
+        before: The engine so far.
+        q: Configuration near which the order of elimination is chosen, shape (nq,), or None.
+        derivatives: Whether kernels of derivatives are made now, not at their first use.
+        every: Whether all kernels of `every_key` are made now.
+    """
     reference = before.reference
     near = None
     if q is not None:
@@ -97,7 +108,7 @@ def compiled_engine(
     if derivatives:
         keys += DERIVATIVES
         if reference.derivatives.axes_move:
-            keys.append(Quantity("displacement_rates"))
+            keys.append(Quantity("displacement_rates"))  # for `ClosedChain.linearize`
     if every:
         keys = every_key()
     make_kernels = partial(CompiledBackend, near=near, platform=before.platform)
@@ -132,8 +143,11 @@ class KernelCode(NamedTuple):
 class CompiledBackend:
     """Dynamics of one mechanism by its compiled kernels.
 
-    The order of elimination is chosen for configurations near `near`, shape (nq,), by default near
-    the example of the mechanism. A `platform_moment` acts on the body of the frame `platform`.
+    Args:
+        reference: The reference path of the mechanism.
+        near: Configuration near which the order of elimination is chosen, shape (nq,); by default
+            the example of the mechanism.
+        platform: Name of the frame on whose body a `platform_moment` acts.
     """
 
     def __init__(
@@ -149,19 +163,21 @@ class CompiledBackend:
         body = body_of(self._mechanism.model, platform)
         #: Index of a `platform_moment` among the wrenches [force; moment] of all bodies, or -1.
         self._moment = -1 if body is None else 6 * body + 3
-        # What was made so far; None where it is not possible.
+        # What was made so far. A kernel or a code is None if it is impossible.
         self._kernels: dict[Quantity, kernel_protocols.Kernel | None] = {}
         self._codes: dict[Quantity, KernelCode | None] = {}
-        #: Equations by whether they are loaded, smooth and welded.
+        #: Equations by the arguments `loaded`, `smooth` and `welded` of `Equations`.
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
-        #: The C of kernels of which one of the two variants is not compiled yet.
+        #: The C of kernels of which only one of the two variants is compiled.
         self._sources: dict[Quantity, list[str]] = {}
         #: Why there is no kernel of a quantity.
         self._why: dict[Quantity, str] = {}
-        #: Nonsmooth steps by whether they are loaded, and for many motions.
+        #: Nonsmooth steps by the arguments `loaded` and `many` of `nonsmooth`.
         self._nonsmooth: dict[tuple[bool, bool], NonsmoothCode | None] = {}
+        #: Held while C is generated: CasADi is not safe for several threads.
         self._lock = threading.RLock()
-        self._stopped = False  # whether `make` failed: other threads then stop
+        #: Whether `make` failed: its other threads then generate no more C.
+        self._stopped = False
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
@@ -179,13 +195,13 @@ class CompiledBackend:
             if not impossible(self._mechanism, key.name):
                 variants |= dict.fromkeys(self._variants(key))
 
-        def prepare(variant: Variant) -> None:
-            with suppress(ActuationError):  # too few motors: `_codes_of` tells it
-                self._from_cache(variant)
+        def load(variant: Variant) -> None:
+            with suppress(ActuationError):  # too few motors: `_codes_of` will say so
+                self._load(variant)
 
         with ThreadPoolExecutor() as pool:
             try:
-                for _ in pool.map(prepare, variants):
+                for _ in pool.map(load, variants):
                     pass
             except BaseException:  # Ctrl-C too: the other threads make no more
                 self._stopped = True
@@ -200,14 +216,14 @@ class CompiledBackend:
         if key.frame is not None:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
-            self._drop_other_widths()
-        self._kernels[key] = self._kernel(key)
+            self._limit_widths()
+        self._kernels[key] = self._new_kernel(key)
         return self._kernels[key]
 
-    def _drop_other_widths(self) -> None:
+    def _limit_widths(self) -> None:
         """Drop all kernels of derivatives if there are too many: a caller may vary the width."""
         smooth = [key for key in list(self._kernels) if key.sign_width is not None]
-        if len(smooth) >= _WIDTHS:
+        if len(smooth) >= _MOST_WIDTHS:
             for key in smooth:
                 self._kernels.pop(key, None)
 
@@ -219,14 +235,17 @@ class CompiledBackend:
         """
         mechanism = self._mechanism
         kernel = self.kernel(Quantity("closing"))
-        # Where rows hold rates only, or a joint in part, the path to the solution counts.
+        # In two cases the closed configuration depends on the path to it, which the reference path
+        # knows: closures that constrain rates only, and joints of which only some rates are
+        # coordinates.
         rates_only = any(isinstance(closure, (Rolling, Brake)) for closure in mechanism.closures)
         if kernel is None or rates_only or mechanism.held_in_part:
             return None
-        longest = _LONGEST_FIRST_STEP
-        result = np.full((1, len(q) + 2), np.nan)  # q after a step, determinant, sum of squares
+        longest = LONGEST_FIRST_STEP
+        # q after a step, then two numbers that are not needed here.
+        result = np.full((1, len(q) + 2), np.nan)
         while True:
-            failures = kernel.many((q[None],), result)
+            failures = kernel.many((q[None],), result)  # of checks at q before the step
             after_step = result[0, :-2]
             step = pin.difference(mechanism.model, q, after_step) / mechanism.rate_scale
             length = float(np.abs(step).max(initial=0.0))
@@ -234,7 +253,7 @@ class CompiledBackend:
                 return None
             if length >= _ROUNDING:  # a closed configuration stays as it is
                 q = after_step.copy()
-                longest = _LARGEST_RATIO * length
+                longest = LARGEST_RATIO * length
             if length < _LONGEST_LAST_STEP:
                 return None if len(failures) else q
 
@@ -251,7 +270,13 @@ class CompiledBackend:
         )
 
     def nonsmooth(self, rows: NonsmoothRows, loaded: bool, many: bool) -> NonsmoothCode | None:
-        """Compiled steps with stops, friction and contacts; None if they cannot be compiled."""
+        """Compiled steps with stops, friction and contacts; None if they cannot be compiled.
+
+        Args:
+            rows: The rows of a step.
+            loaded: Whether external wrenches act.
+            many: Whether the code computes several motions at once, in the lanes of a register.
+        """
         if (loaded, many) not in self._nonsmooth:
             try:
                 if problem := impossible(self._mechanism, "accelerations"):
@@ -270,7 +295,7 @@ class CompiledBackend:
         return self._nonsmooth[loaded, many]
 
     def _nonsmooth_code(self, rows: NonsmoothRows, loaded: bool, target: str) -> Code:
-        """Code from the cache, or compiled now."""
+        """The code of nonsmooth steps from the cache, or compiled now."""
         key = Quantity("rollout", loaded=loaded)
         content = fingerprint(self._mechanism, self._parameters, self._near, rows=rows)
 
@@ -290,7 +315,7 @@ class CompiledBackend:
 
     @cached_property
     def _all_parameters(self) -> SymbolicParameters:
-        """All parameters of a regressor, with a spring wherever one is possible."""
+        """The parameters of the regressor: also masses, friction and springs that are zero."""
         return SymbolicParameters(with_springs(self._mechanism), complete=True)
 
     @cached_property
@@ -298,7 +323,7 @@ class CompiledBackend:
         """Everything that the kernels are made from."""
         return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _kernel(
+    def _new_kernel(
         self,
         key: Quantity,
         function: str = "run",
@@ -308,7 +333,8 @@ class CompiledBackend:
 
         Args:
             key: Its quantity.
-            function: The function in the library: "run", or "rate" of a rollout.
+            function: The function in the library: "run", or "rate" for the rates of the states of a
+                rollout.
             friction: Friction in place of the mechanism's.
         """
         code = self._codes_of(key)
@@ -330,13 +356,14 @@ class CompiledBackend:
             parameters=code.single.prepared(numbers),
             batch_parameters=code.batch.prepared(numbers),
             library=code,  # keeps the code in memory
-            loaded=None if key.loaded else partial(self._kernel, key._replace(loaded=True)),
+            # Makes the kernel that this one asks if a call has external wrenches.
+            loaded=None if key.loaded else partial(self._new_kernel, key._replace(loaded=True)),
             moment=self._moment,
         )
 
     def _rate(self, friction: Friction, loaded: bool) -> "Kernel | None":
-        """Rates of the closed states next to some states."""
-        return self._kernel(Quantity("rollout", loaded=loaded), "rate", friction)
+        """The kernel that closes the loops of states and computes their rates, or None."""
+        return self._new_kernel(Quantity("rollout", loaded=loaded), "rate", friction)
 
     def _rollout(self, friction: Friction, loaded: bool) -> "RolloutKernel | None":
         """The kernel of a rollout; None if it is impossible."""
@@ -346,7 +373,7 @@ class CompiledBackend:
         batch = code.batch
         numbers = self._parameters.pack(self._mechanism, friction)
         q, va, tau, *load = batch.sizes("run").inputs
-        sizes = (q, va, tau, sum(load))  # no load has size 0
+        sizes = (q, va, tau, sum(load))  # without external wrenches `load` is empty
         return self._binding.RolloutKernel(
             code=batch.address("run"),
             sizes=sizes,
@@ -364,7 +391,8 @@ class CompiledBackend:
                 variants = self._variants(key)
                 different = list(dict.fromkeys(variants))
                 with ThreadPoolExecutor() as pool:
-                    codes = list(pool.map(self._from_cache, different))
+                    codes = list(pool.map(self._load, different))
+                # One code is for both, two are in the order of `Variants`.
                 self._codes[key] = KernelCode(single=codes[0], batch=codes[-1])
             except SSTError as error:
                 self._codes[key] = None
@@ -372,10 +400,10 @@ class CompiledBackend:
         return self._codes[key]
 
     def _shared_key(self, key: Quantity) -> Quantity:
-        """The key of the kernel that computes this quantity."""
+        """The key of the code that computes this quantity; several quantities may share it."""
         if key.name == "generalized_forces" and self._mechanism.driven_one_to_one:
             key = key._replace(name="torques")
-        return key._replace(sign_width=None)  # it is a parameter
+        return key._replace(sign_width=None)  # the width is a parameter of the code
 
     def _variants(self, key: Quantity) -> Variants:
         """How to compile a kernel for single samples and for batches."""
@@ -383,21 +411,21 @@ class CompiledBackend:
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
         n = len(self._mechanism.coordinates)
-        # Direction by direction, in the lanes of a vector. Eight directions at once are slower than
-        # four, if four are enough.
+        # Lanes with directions: eight are slower than four, if four are enough.
         target = best
         if best == "avx512" and n <= TARGETS["avx2"].lanes:
             target = "avx2"
         by_directions = Variant(key._replace(along=True), target)
         if is_large(self._mechanism, key.name):
             return Variants(single=by_directions, batch=by_directions)
-        whole = Variant(key, best)
-        if key.properties.smooth and 1 < n <= _MOST_PASSES * TARGETS[best].lanes:
-            return Variants(single=by_directions, batch=whole)
-        return Variants(single=Variant(key, SINGLE[best]), batch=whole)
+        # Lanes with samples: a single sample is computed without vectors.
+        by_samples = Variant(key, best)
+        if key.properties.smooth and 1 < n <= _MOST_REGISTERS * TARGETS[best].lanes:
+            return Variants(single=by_directions, batch=by_samples)
+        return Variants(single=Variant(key, SINGLE[best]), batch=by_samples)
 
-    def _from_cache(self, variant: Variant) -> Code:
-        """Code from the cache, or compiled now."""
+    def _load(self, variant: Variant) -> Code:
+        """The code of a variant from the cache, or compiled now."""
         key, target = variant
         content = self._content
         if key.frame is not None:
@@ -416,11 +444,10 @@ class CompiledBackend:
             from . import c_code, kernels
         except ImportError:
             raise MissingExtraError("casadi", "compile") from None
-        with self._lock:  # equations are made once, and CasADi is not safe for several threads
+        with self._lock:
             if self._stopped:
                 raise CompilationError("given up")
-            # The first of the two variants generates the code, the other takes it. Threads may make
-            # other kernels in between.
+            # The first of the two variants generates the C, and the second one takes it.
             sources = self._sources.pop(key, None)
             if sources is None:
                 sources = c_code.library(key.entry, kernels.entry(self._equations_of(key), key))
@@ -436,7 +463,7 @@ class CompiledBackend:
             mechanism = with_springs(self._mechanism)
             return Equations(mechanism, samples, parameters=self._all_parameters)
         smooth = key.properties.smooth
-        welded = key.name != "reactions"  # which need each body by itself
+        welded = key.name != "reactions"  # wrenches between welded bodies need each body by itself
         kind = key.loaded, smooth, welded
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
