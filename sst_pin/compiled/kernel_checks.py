@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Validity checks: numbers that a kernel returns beside its results, at most 1 if these are right.
 
-A kernel is straight code for one sample: its order of elimination was chosen at a few sample
-configurations. It is not valid everywhere, so it returns checks of
+A kernel is code without branches. Its order of elimination was chosen at a few sample
+configurations and is not valid everywhere. So a kernel returns checks of
 
 - the state: the loops are closed, no pivot is much smaller than at the sample configurations;
 - redundant rows: rows of Phi that follow from the others at regular configurations, and that the
@@ -10,24 +10,25 @@ configurations. It is not valid everywhere, so it returns checks of
 - solutions x of linear systems A x = b: the residual A x - b is no larger than rounding;
 - the motors and the mass matrix.
 
-A check has no branches, because kernels compute several samples side by side. Where a division is
-slow or may be by zero, "a^2 <= b^2" is checked as a^2 - b^2 <= 0 up to rounding.
+Checks have no branches either, because kernels compute several samples side by side. If b may be
+zero, the condition |a| <= |b| is checked as a^2 - b^2 <= 0 up to rounding, not as a / b <= 1.
 
 **Residuals.** A computed solution x of A x = b leaves the residual r = A x - b. Rounding alone
-makes |r| as large as some eps |A| |x|, with the rounding eps of a number; the bound is `_ROUNDINGS`
-times eps |A| |x|. Elimination leaves more only where a small pivot makes entries grow. Computing r
-would cost a product with A for each solution. Instead a kernel computes one number,
+makes |r| a few times eps |A| |x|, where eps is the relative rounding of a number. The bound is
+`_ROUNDINGS` times eps |A| |x|. Elimination leaves more only where a small pivot makes entries grow.
+Computing r would cost a product with A for each solution. Instead a kernel computes one number,
 
     s . r = (s^T A) x - s . b,
 
-with a fixed probe vector s of random signs; it computes s^T A once for all solutions.
+with a fixed *probe vector* s of random signs. It computes s^T A once for all solutions.
 
 One number is enough. The entries of r come from different roundings. With random signs, s . r is
 close to a normal variable with mean zero and standard deviation |r|. If |r| is k times the bound,
 |s . r| is below the bound with a probability of about 0.8 / k: the density of a normal variable at
-zero, 0.4 / |r|, times the width 2 |r| / k. So less than one of 100 samples with k = 100 pass, and
-their residual is 100 * 30 eps, still below 1e-12. Larger ones pass as much less often as they are
-larger. The signs are the same in all runs, so that a sample has the same verdict each time.
+zero, 0.4 / |r|, times the width 2 |r| / k. So of the samples with k = 100 less than one of 100
+passes, and its residual is 100 * 30 eps |A| |x|, which is below 1e-12 |A| |x|. A residual that is
+ten times larger passes ten times less often. The signs are the same in all runs, so that a sample
+gets the same verdict each time.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -56,26 +57,26 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Rounding of double precision, for which the thresholds are chosen.
 _DOUBLE = float(np.finfo(float).eps)
-#: Largest residual of a solution, in roundings of the matrix times the solution: elimination
-#: without growth leaves at most some for each unknown of a loop.
+#: Largest residual of a solution x, in multiples of eps |A| |x|: elimination without growth leaves
+#: a few of these for each unknown of a loop.
 _ROUNDINGS = 30
-#: The largest part of a force that may be missing is UNSUPPLIED, or this many roundings if that is
-#: more, as in single precision: the linear solutions may lose four digits.
+#: A force counts as supplied if the missing part is below `UNSUPPLIED`, or below this many
+#: roundings. The latter is larger in single precision: linear solutions may lose four digits.
 _MISSING = 1e4
-#: Rounding of the sum of all forces in double precision, relative: some tens of roundings, as the
-#: sum has some tens of terms.
+#: Relative rounding error of the sum of all forces in double precision: the sum has some tens of
+#: terms, each with its rounding.
 _BALANCED = 1e-14
-#: Solutions up to this count as zero, [rad/s], [N m] and the like: those of a robot at rest are
-#: rounding, and have no size with which a residual could be compared.
+#: Solutions up to this count as zero, [rad/s], [N m] and the like. For a robot at rest, solutions
+#: consist of rounding and have no size with which a residual could be compared.
 _NEGLIGIBLE = 1e-10
 
 
 class _Probe(NamedTuple):
-    """A vector s that probes a residual A x - b by s . (A x - b).
+    """The probe vector s of residuals A x - b, and s^T A.
 
     The entries of s are random signs times the scales that make rows of A free of units, divided by
-    `unit`, which is one of these scales. If all scales are equal, s is 1 or -1, and products with
-    it cost nothing.
+    `unit`, which is one of these scales. If all scales are equal, the entries are 1 or -1, and
+    products with them cost nothing.
 
     There are two systems:
 
@@ -94,13 +95,15 @@ class _Probe(NamedTuple):
 class Checks:
     """Checks of one robot's kernels.
 
-    These return lists of checks, which are empty if there is nothing to check:
+    A kernel returns `of_state` and the checks of its quantity. Most members are lists of checks; a
+    list is empty if there is nothing to check, such as redundant rows of a robot without these:
 
-    - `unsolved` and `unbalanced` check one linear solution;
-    - `redundant_in_accelerations` and `unsupplied` check one result beyond that;
-    - those with names `of_...`, and `massless`, are all checks of one part of a computation.
+    - names `of_...` and `massless`: all checks of one part of a computation;
+    - `unsolved` and `unbalanced`: the check of one linear solution;
+    - `redundant_in_accelerations` and `unsupplied`: checks of what a linear solution leaves out.
 
-    `small_pivots` is one check, and `unit_lengths` is a term of one. `of_state` has both.
+    Two members are parts of `of_state`: `small_pivots` is one check, and `unit_lengths` is a term
+    of the first check.
 
     Args:
         equations: The equations of the robot.
@@ -138,10 +141,11 @@ class Checks:
 
     @property
     def _open_loops(self) -> Any:
-        """The sum of squares of the scaled residuals, relative to the bound.
+        """The sum of squares of the scaled residuals, relative to the square of the bound.
 
-        If it is at most 1, each residual is at most the bound. The largest residual would need a
-        branch for each. The `squared_gap` of a row is its term of the sum; rows may share one.
+        If it is at most 1, each residual is at most the bound. To find the largest residual would
+        take a branch for each. The `squared_gap` of a row is its term of the sum; if rows share a
+        term, it is zero for all of them but the first.
         """
         e = self._equations
         squares = [s**2 * x.squared_gap for s, x in zip(self._row_scale, e.rows, strict=True)]
@@ -149,15 +153,16 @@ class Checks:
 
     @property
     def unit_lengths(self) -> Any:
-        """The part of the unit vectors of q in the first check."""
+        """The term of `_open_loops` for the unit vectors of q: quaternions, cosine-sine pairs."""
         return total(gap**2 for gap in self._equations.kinematics.unit_gaps) / self._closed**2
 
     @property
     def small_pivots(self) -> Any:
         """More than 1 where a pivot of Phi_u is much smaller than at the sample configurations.
 
-        It is the sum of (size / (1000 pivot))^2 over all pivots, with their sizes in the samples.
-        For `Orthogonal` parts, pivots and sizes are squared lengths, and 1000 is squared too.
+        It is the sum of (size / (1000 pivot))^2 over all pivots, with their largest sizes in the
+        samples. For `Orthogonal` parts (see `_redundant`), pivots and sizes are squared lengths,
+        and 1000 is squared too.
         """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
@@ -165,10 +170,10 @@ class Checks:
 
     @property
     def _short_lines(self) -> list[Any]:
-        """For each line a shortest length over its length; a line without length has no direction.
+        """For each line the shortest valid length over its length.
 
-        The shortest length is twice that of the reference path, which decides about lines with
-        lengths between both.
+        A line without length has no direction. The shortest valid length is twice that of the
+        reference path, which decides about lines with lengths between both.
         """
         e = self._equations
         least = 2 * LEAST_LENGTH * e.mechanism.length
@@ -178,11 +183,12 @@ class Checks:
 
     @cached_property
     def _redundant(self) -> list[int]:
-        """Rows that solutions do not fulfil by themselves.
+        """Rows of Phi that a solution of Phi x = b may violate, by number.
 
-        Elimination chooses as many rows as there are dependent rates, and solves these; it leaves
-        out the others. The parts that it solves are `Factors`. Other parts are `Orthogonal`: they
-        fit all of their rows by least squares (Gram-Schmidt), so that no row is chosen.
+        Phi_u consists of parts. A part of the class `Factors` is solved by elimination. It chooses
+        as many rows as there are dependent rates, solves these and leaves out the others, which are
+        redundant. A part of the class `Orthogonal` fits all of its rows by least squares
+        (Gram-Schmidt), so that no row is left out.
         """
         e = self._equations
         solved = set[int]()
@@ -195,8 +201,8 @@ class Checks:
     def _largest_violation(self) -> float:
         """Largest violation of redundant rows, free of units.
 
-        `INCONSISTENT` is in multiples of the tolerance of the reference path. This is twice
-        `closed`: see `CLOSED`.
+        `INCONSISTENT` is in multiples of the tolerance of closed loops, which is twice `closed`;
+        see `CLOSED`.
         """
         return 2 * INCONSISTENT * self._closed
 
@@ -218,13 +224,16 @@ class Checks:
     def redundant_in_accelerations(self, x: Sparse) -> list[Any]:
         """More than 1 where accelerations x at v violate redundant rows: Phi x + Phi_dot v != 0.
 
-        This happens where rates fit all rows, but accelerations do not: in the pose in which an
-        overconstrained frame can only shake.
+        At some poses the rates fit all rows but the accelerations do not. An example is the pose in
+        which an overconstrained frame can shake but not move.
 
-        r = Phi x + Phi_dot v is the violation, free of units. Phi_dot v grows with the square of v,
-        so that `JointComplement.require_accelerations` compares r with |v|^2 + |x|. Kernels compare
-        squares, |r|^2 <= bound^2 (|v|^4 + |x|^2), because roots are slow; this is the same bound up
-        to a factor of sqrt(2). They subtract, because v and x may be zero: the check is
+        r = Phi x + Phi_dot v is the violation, free of units. Phi_dot v grows with the square of v.
+        So the reference path (`JointComplement.require_accelerations`) requires
+
+            |r| <= bound (|v|^2 + |x|).
+
+        Kernels compare squares, because roots are slow: |r|^2 <= bound^2 (|v|^4 + |x|^2), which is
+        the same bound up to a factor of sqrt(2). They subtract, because v and x may be zero:
 
             (|r|^2 / bound^2 - |v|^4 - |x|^2) / negligible^2 <= 1,
 
@@ -252,9 +261,9 @@ class Checks:
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
 
-        Only rows that elimination changes count: in the others no entry can grow. Of x, only the
-        dependent rates x_u have a size that counts: the other rates are known, and the matrix of
-        the equations for x_u is Phi_u.
+        Only rows that elimination changes are checked: in the others no entry can grow. The bound
+        takes |x_u| of the dependent rates as |x|: the other rates are known, and x_u solves a
+        system with the matrix Phi_u.
         """
         scale = self._rate_scale
         sizes = [x[j] / scale[j] for j in self._dependent if j in x]
@@ -264,7 +273,7 @@ class Checks:
         """More than 1 where the multipliers x do not solve Phi_u^T x = tau_u.
 
         tau_u are the forces tau along the dependent rates. Only the columns of Phi_u that
-        elimination changes count.
+        elimination changes are checked.
         """
         x = self._equations.multipliers(tau)
         scale = self._row_scale
@@ -301,8 +310,8 @@ class Checks:
     ) -> list[Any]:
         """More than 1 where the residual r of A x = b is too large.
 
-        It should be |s . r| <= 30 eps |A| |x|. As |x| may be zero, squares are subtracted instead
-        of divided, and x may be negligible:
+        The condition is |s . r| <= 30 eps |A| |x|. As |x| may be zero, squares are subtracted, and
+        a negligible |x| counts as zero:
 
             ((s . r)^2 / (30 eps |A|)^2 - |x|^2) / negligible^2 <= 1.
 
@@ -310,7 +319,7 @@ class Checks:
             probe: The vector s, and s^T A.
             x: The solution, by column of A.
             b: The right side, by row of A.
-            sizes: The entries of x whose size counts in |x|, free of units.
+            sizes: The entries of x that make up |x|, free of units.
         """
         terms = [entry * x[j] for j, entry in probe.sums.items() if j in x]
         terms += [-(sign * b[i]) for i, sign in probe.s.items() if i in b]
@@ -367,10 +376,10 @@ class Checks:
 
     @property
     def of_motors(self) -> list[Any]:
-        """A check that the motors hold all coordinates; none where each holds its own.
+        """A check that the motors hold all coordinates; none if each motor drives one coordinate.
 
-        Where they do not, the rows of the motor matrix L^T B become dependent, and a pivot becomes
-        small against its size in the samples.
+        Where they do not hold them, the rows of the motor matrix L^T B are dependent, and a pivot
+        is small against its size in the samples.
         """
         e = self._equations
         if e.mechanism.driven_one_to_one:
@@ -381,18 +390,18 @@ class Checks:
     def unsupplied(self, tau: Sparse, f: SX) -> list[Any]:
         """For each coordinate 2 if the motor torques tau do not supply the force f, else 0.
 
-        The rest of f is compared with the torques that act on the coordinate, and with the rounding
-        of the forces on all coordinates.
+        The missing part of f is compared with the sum of the sizes of all torques that act on the
+        coordinate, and with the rounding of the forces on all coordinates.
         """
         e = self._equations
         A = e.motor_matrix
         torques = column(tau, range(A.shape[1]))
         units = self._rate_scale[e.mechanism.coordinates]
         sizes = units * (ca.fabs(A) @ ca.fabs(torques))
-        rest = units * ca.fabs(A @ torques - f)
+        missing = units * ca.fabs(A @ torques - f)
         largest_part = max(UNSUPPLIED, _MISSING * self._rounding)
         rounding_of_all = _BALANCED * self._coarseness * ca.sum1(sizes)
-        is_supplied = rest <= largest_part * sizes + rounding_of_all
+        is_supplied = missing <= largest_part * sizes + rounding_of_all
         return ca.vertsplit(2 - 2 * is_supplied)
 
     @property
@@ -401,13 +410,14 @@ class Checks:
 
         All must be positive, and the pivot of coordinate k must be larger than
 
-            rounding A_kk + WITHOUT_MASS I |L e_k|^2.
+            rounding A_kk + WITHOUT_MASS I |L e_k|^2,
 
-        I |L e_k|^2 is the inertia that the coordinate would have if all bodies moved as the joints
-        do at its unit rate. The factors have the inverses of the pivots. A positive pivot is large
-        enough if its bound times its inverse is at most 1; the sum of these products over all
-        pivots is checked, which is stricter. For a negative pivot the product is negative too, so
-        that the first check refuses these.
+        with the inertia I of the whole robot. I |L e_k|^2 is the inertia that the coordinate would
+        have if all bodies moved as the joints do at its unit rate.
+
+        The factors have the inverses of the pivots. The first check refuses negative pivots. A
+        positive pivot is large enough if its bound times its inverse is at most 1. The second check
+        is the sum of these products over all pivots: one check for all, and a little stricter.
         """
         e = self._equations
         factors = e.inertia_factors
