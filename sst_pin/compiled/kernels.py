@@ -2,9 +2,13 @@
 """All kernels that can be compiled: functions of one sample, on CasADi's symbols.
 
 A kernel has named inputs (such as q, va, aa), the symbolic parameters p, a column of results, and
-checks, which are at most 1 if the results are right (`kernel_checks`). `KERNELS` and `OF_FRAMES`
-list the functions that make the symbols of each quantity; `along_directions` makes some of them by
-directions instead. Matrices among the results are written row by row.
+checks, which are at most 1 if the results are right (`kernel_checks`). Matrices among the results
+are written row by row.
+
+`make` makes the kernel of a quantity. `KERNELS` and `OF_FRAMES` list the functions that write the
+symbols of each quantity. For some quantities, `along_directions` writes a second kind of kernel,
+which computes a matrix column by column, along a *direction* for each coordinate: the motion of the
+joints for the unit rate of this coordinate.
 """
 
 from collections.abc import Callable
@@ -42,7 +46,7 @@ class SymbolicKernel:
     output: SX
     #: Numbers that are at most 1 if the results are right.
     checks: SX
-    #: Factors that make the entries of q free of units.
+    #: Factors that make the entries of q free of units: one over the robot's length for lengths.
     units: tuple[float, ...] = ()
     #: How it computes along directions; None if `output` is the whole result.
     along: Directions | None = None
@@ -56,9 +60,14 @@ def make(
     frame: str | None = None,
     along: bool = False,
 ) -> SymbolicKernel:
-    """The kernel of a quantity, by default with the checks for double precision.
+    """The kernel of a quantity.
 
-    With `along` its results are computed along directions of the coordinates.
+    Args:
+        equations: The equations of the robot.
+        quantity: A key of `KERNELS`, or of `OF_FRAMES` with a frame.
+        checks: Checks of this robot; by default those for double precision.
+        frame: Name of the frame, for a quantity of a frame.
+        along: Whether results are computed along directions of the coordinates.
     """
     checks = checks or Checks(equations)
     name = quantity
@@ -75,7 +84,7 @@ def make(
     if WRENCHES in inputs:
         if inputs[WRENCHES].numel():
             name += "_loaded"
-        else:  # equations without loads
+        else:  # equations without external wrenches
             del inputs[WRENCHES]
 
     length = equations.mechanism.length
@@ -115,10 +124,12 @@ def _moving(e: Equations) -> dict[str, SX]:
 
 
 def _motion(e: Equations) -> dict[str, SX]:
+    """Inputs of inverse dynamics."""
     return _moving(e) | {"aa": e.aa, WRENCHES: e.loads}
 
 
 def _driven(e: Equations) -> dict[str, SX]:
+    """Inputs of direct dynamics."""
     return _moving(e) | {"tau": e.tau, WRENCHES: e.loads}
 
 
@@ -149,17 +160,18 @@ def _accelerations(e: Equations, checks: Checks) -> KernelParts:
 
 def _torque_derivatives(e: Equations, checks: Checks) -> KernelParts:
     """Derivatives of f by q, va and aa side by side."""
-    derivatives, more = symbolic_derivatives.of_torques(e, checks)
-    return KernelParts(_motion(e), row_by_row(derivatives), checks.of_forces + more)
+    derivatives, more_checks = symbolic_derivatives.of_torques(e, checks)
+    return KernelParts(_motion(e), row_by_row(derivatives), checks.of_forces + more_checks)
 
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> KernelParts:
     """Derivatives of aa by q, va and tau side by side."""
-    derivatives, more = symbolic_derivatives.of_accelerations(e, checks)
-    return KernelParts(_driven(e), row_by_row(derivatives), checks.of_accelerations + more)
+    derivatives, more_checks = symbolic_derivatives.of_accelerations(e, checks)
+    return KernelParts(_driven(e), row_by_row(derivatives), checks.of_accelerations + more_checks)
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> KernelParts:
+    """Rates of a displacement that moving joint axes cause, as `Reference.displacement_rates`."""
     columns = (symbolic_derivatives.of_displacement(e, L) for L in e.L)
     return KernelParts(_moving(e), row_by_row(*columns), checks.of_rates + checks.of_steady_motion)
 
@@ -178,8 +190,9 @@ def _torque_regressor(e: Equations, checks: Checks) -> KernelParts:
     Its columns belong to bodies and joints, offsets of joint forces, lines, and offsets of motors.
     """
     nv = e.mechanism.model.nv
-    by_numbers = ca.jacobian(e.projected_by_L(e.tree_forces), e.p)
-    blocks = [by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters()]
+    by_symbols = ca.jacobian(e.projected_by_L(e.tree_forces), e.p)
+    # By the chain rule: the symbols p are linear functions of the dynamic parameters.
+    blocks = [by_symbols @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters()]
     *bodies_and_joints, lines = blocks
     joint_offsets = [e.projected_by_L({i: 1.0}) for i in range(nv)]
     motor_offsets = [e.projected_by_L(forces) for forces in e.motor_columns]
@@ -191,8 +204,8 @@ def _torque_regressor(e: Equations, checks: Checks) -> KernelParts:
 
 
 def _reactions(e: Equations, checks: Checks) -> KernelParts:
-    inputs, results, more = reactions(e, checks)
-    return KernelParts(inputs, results, more)
+    inputs, results, all_checks = reactions(e, checks)
+    return KernelParts(inputs, results, all_checks)
 
 
 def _rates(e: Equations, checks: Checks) -> KernelParts:
@@ -200,13 +213,17 @@ def _rates(e: Equations, checks: Checks) -> KernelParts:
 
 
 def _joint_accelerations(e: Equations, checks: Checks) -> KernelParts:
-    more = checks.of_rates + checks.of_joint_accelerations(e.dv)
-    return KernelParts(_moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), more)
+    return KernelParts(
+        inputs=_moving(e) | {"aa": e.aa},
+        output=column(e.dv, range(e.mechanism.model.nv)),
+        checks=checks.of_rates + checks.of_joint_accelerations(e.dv),
+    )
 
 
 def _actuator_jacobian(e: Equations, checks: Checks) -> KernelParts:
-    more = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
-    return KernelParts({"q": e.q}, ca.vec(e.motor_matrix), more)
+    """J, shape (motors, n), row by row: the motor matrix L^T B column by column."""
+    all_checks = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
+    return KernelParts({"q": e.q}, ca.vec(e.motor_matrix), all_checks)
 
 
 def _state_rate(e: Equations, checks: Checks) -> KernelParts:
@@ -219,8 +236,9 @@ def _state_rate(e: Equations, checks: Checks) -> KernelParts:
 def _closing(e: Equations, checks: Checks) -> KernelParts:
     """q after a step of Newton's method, det Phi_u, and the sum of squares of the entries of Phi_u.
 
-    The step holds the coordinates: Phi_u v_u = -f. Rows without a residual have f = 0, so wheels
-    roll during the step. The determinant and the sum are free of units.
+    The step holds the coordinates: Phi_u v_u = -f, with the residuals f of the closures. Rows that
+    constrain rates only have no residual and f = 0, so wheels roll during the step. The determinant
+    and the sum are free of units.
     """
     right = Sparse()
     for i in e.factors.rows:
@@ -246,16 +264,17 @@ def _closing(e: Equations, checks: Checks) -> KernelParts:
 
 
 def _at_unit_vectors(e: Equations, checks: Checks, output: SX, values: SX) -> tuple[SX, SX]:
-    """Output and checks of "closing" where the unit vectors of q first get length one.
+    """Output and check values of "closing" as functions of a q that is normalised first.
 
-    An integration leaves cosine-sine pairs and quaternions with other lengths. The equations of
-    links that are stretched by such a length have another solution, which Newton's step would find.
-    The checks still include the length that q has.
+    An integration leaves cosine-sine pairs and quaternions whose length is not one. Such a length
+    stretches the links, and their equations have another solution, which Newton's step would find.
     """
     if not e.kinematics.unit_gaps:
         return output, values
     q = e.kinematics.normalized(e.q)
     output, values = ca.substitute([output, values], [e.q], [q])
+    # The first check is that of open loops. After the substitution, its term for lengths of unit
+    # vectors is zero; this is the term for the lengths in q itself.
     values[0] += checks.unit_lengths
     return output, values
 
@@ -290,9 +309,9 @@ def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> KernelParts:
     columns = []
     all_checks = checks.of_rates + checks.of_complement + checks.of_steady_motion
     for L in e.L:
-        rate, more = frame_velocities.rate_of_column(e, checks, frame, L)
+        rate, more_checks = frame_velocities.rate_of_column(e, checks, frame, L)
         columns.append(rate)
-        all_checks += more
+        all_checks += more_checks
     return KernelParts(_moving(e), row_by_row(*columns), all_checks)
 
 
@@ -302,14 +321,15 @@ def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> KernelPar
     by_va = []
     all_checks = checks.of_rates + checks.of_complement + checks.of_steady_motion
     for L in e.L:
-        change, more = frame_velocities.derivative_along(e, checks, frame, L)
+        change, more_checks = frame_velocities.derivative_along(e, checks, frame, L)
         by_q.append(change)
         by_va.append(frame_velocities.velocity(e, frame, L))
-        all_checks += more
+        all_checks += more_checks
     return KernelParts(_moving(e), row_by_row(*by_q, *by_va), all_checks)
 
 
 def _drift(e: Equations, checks: Checks, frame: str) -> KernelParts:
+    """Acceleration of a frame for aa = 0."""
     return KernelParts(
         _moving(e),
         frame_velocities.drift(e, frame),
