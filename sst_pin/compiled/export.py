@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Any robot as C99 for its own controller: no allocation, no library; some need C's `sqrt`."""
+"""Any robot as C99 for its own controller: no allocation, no library; some need C's `sqrt`.
+
+Most functions of the exported C evaluate a kernel (`_of_kernel`). The others are templates, files
+of the folder `c/export`, whose blanks get the numbers of the robot (`_of_template`).
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -46,13 +50,13 @@ class _KernelFunction(NamedTuple):
     """What the function of a kernel computes."""
 
     kernel: Name
-    #: Name of the result.
+    #: Name of the argument that gets the result.
     output: str
     meaning: str
 
 
 class _Array(NamedTuple):
-    """An argument of a function in C."""
+    """An argument of a function in C: an array of numbers."""
 
     name: str
     size: int
@@ -66,9 +70,10 @@ _STEP = """\
 A step of Newton's method that closes the loops and keeps the coordinates. Start with
  * measured coordinates and the previous q of the other joints, and call it with
  * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step."""
-#: How `robot_computed_torque` computes torques, without surplus motors.
+#: The statements of `robot_computed_torque` that compute torques, without surplus motors.
 _SMALLEST = "const int bad = robot_torques(q, va, aa, tau);"
-#: The same with surplus motors: torques within the limits, if there are any.
+#: The same statements with surplus motors: torques within the limits, if there are any. `both` has
+#: the least and the largest torque of each motor; COUNT is the number of motors.
 _WITHIN_LIMITS = """\
 for (int i = 0; i < COUNT; i++) {
         both[2 * i] = -limits[i];
@@ -77,7 +82,7 @@ for (int i = 0; i < COUNT; i++) {
     int bad = robot_limited_torques(q, va, aa, both, tau);
     if (bad)
         bad = robot_torques(q, va, aa, tau);"""
-#: The functions of kernels, by their names without "robot_".
+#: Functions that evaluate kernels, by their names without "robot_".
 _FUNCTIONS = {
     "torques": _KernelFunction("torques", "tau", "Torques of a motion."),
     "forces": _KernelFunction("generalized_forces", "f", _FORCES),
@@ -135,7 +140,7 @@ def c_files(
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     inverse_dynamics = "torques" if equations.driven else "forces"
     functions = list(_functions(equations, inverse_dynamics, style))
-    blanks = _blanks(mechanism, q, inverse_dynamics, style)
+    blanks = _blanks_of_header_and_example(mechanism, q, inverse_dynamics, style)
     blanks["size"] = len(numbers)
     blanks["functions"] = "\n".join(function.declaration for function in functions)
     folder = as_path(folder)
@@ -163,7 +168,7 @@ def _source(
 
 
 def _functions(equations: Equations, inverse_dynamics: str, style: Style) -> Iterator[_CFunction]:
-    """All functions; `inverse_dynamics` is "torques" or "forces"."""
+    """All functions of robot.c; `inverse_dynamics` is "torques" or "forces"."""
     mechanism = equations.mechanism
     checks = Checks(equations, style.closed, style.rounding)
     for name in (inverse_dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
@@ -186,13 +191,15 @@ def _functions(equations: Equations, inverse_dynamics: str, style: Style) -> Ite
 
 
 def _head(name: str, inputs: Sequence[_Array], output: _Array, style: Style) -> str:
-    """The head of a function in C; empty inputs are left out."""
+    """The head of a function in C: its name and its arguments. Empty inputs are left out."""
     arguments = [f"const {style.type} {x.name}[{x.size}]" for x in inputs if x.size]
     arguments.append(f"{style.type} {output.name}[{output.size}]")
     return f"int robot_{name}({', '.join(arguments)})"
 
 
-def _by_hand(head: str, meaning: str, template: str, blanks: Mapping[str, object]) -> _CFunction:
+def _of_template(
+    head: str, meaning: str, template: str, blanks: Mapping[str, object]
+) -> _CFunction:
     """A function whose C is a template of the folder `c/export`."""
     return _CFunction(
         declaration=f"/* {meaning} */\n{head};\n",
@@ -223,30 +230,31 @@ def _limited_torques(mechanism: Mechanism, style: Style) -> _CFunction:
         "n": n,
         "motors": motors,
         "units": ", ".join(f"{x!r}{style.suffix}" for x in units),
-        # Where the motors at their limits leave too few, a pivot is lifted by this part.
+        # Newton's matrix is the sum over the motors that are within their limits. If there are too
+        # few of these, it is singular; so its diagonal gets this part of the norm of J more.
         "least_pivot": "1e-12" if double else "1e-6f",
+        # Largest error of a force, relative to the sum of its terms' sizes; well above rounding.
         "tolerance": "1e-11" if double else "1e-5f",
+        # Halvings of the interval of a search, a few more than a number has bits.
         "halvings": 60 if double else 30,
     }
     meaning = (
         "Torques within limits of a motion, for surplus motors: the smallest ones, or those\n"
         " * nearest to them. limits: the least and the largest torque of each motor, in pairs."
     )
-    return _by_hand(head, meaning, "limited_torques.c", blanks)
+    return _of_template(head, meaning, "limited_torques.c", blanks)
 
 
 def _line_lengths(equations: Equations, checks: Checks) -> kernels.SymbolicKernel:
     """The kernel of the lengths of the motors' lines."""
     lines = equations.tree.lines
     lengths = [SX(lines[k].length) for k in equations.mechanism.motor_lines]
-    output = ca.densify(ca.vertcat(*lengths))
-    closed = ca.vertcat(*map(SX, checks.of_state))
     return kernels.SymbolicKernel(
         name="line_lengths",
         inputs={"q": equations.q},
         parameters=equations.p,
-        output=output,
-        checks=closed,
+        output=ca.densify(ca.vertcat(*lengths)),
+        checks=ca.vertcat(*map(SX, checks.of_state)),
     )
 
 
@@ -264,20 +272,20 @@ def _unstretched_lengths(mechanism: Mechanism, style: Style) -> _CFunction:
         "type": style.type,
         "motors": motors,
         "factors": ", ".join(f"{x!r}{style.suffix}" for x in factors),
-        # Tensions that are less negative, relative to the largest, are rounding of zero.
+        # A negative tension below this part of the largest one is rounding of zero.
         "slack": "1e-9" if style.type == "double" else "1e-5f",
     }
     meaning = (
         "Lengths of the motors' cables without tension, which winches must unwind, for torques\n"
         " * with which all cables pull. stiffness: that of 1 m of each cable, positive, [N]."
     )
-    return _by_hand(head, meaning, "unstretched_lengths.c", blanks)
+    return _of_template(head, meaning, "unstretched_lengths.c", blanks)
 
 
-def _blanks(
+def _blanks_of_header_and_example(
     mechanism: Mechanism, q: Array, inverse_dynamics: str, style: Style
 ) -> dict[str, object]:
-    """Texts and numbers for the blanks of robot.h and main.c; q is that of the example."""
+    """Texts and numbers for the blanks of robot.h and main.c; q is the example in main.c."""
     n = len(mechanism.coordinates)
     motors = len(mechanism.motor_names)
     of_both: dict[str, object] = {
@@ -310,21 +318,21 @@ def _blanks(
 def _of_kernel(
     name: str, kernel: kernels.SymbolicKernel, style: Style, output: str, meaning: str
 ) -> _CFunction:
-    """The function of a kernel; `output` is the name of its result."""
+    """The function that evaluates a kernel; `output` is the name of its result."""
     inputs = [_Array(x, symbols.numel()) for x, symbols in kernel.inputs.items()]
     nq = kernel.inputs["q"].numel()
     results = kernel.output.numel()
-    # Of a closing step only q is returned, which comes first in the result of the kernel.
+    # A closing step returns q only, which comes first in the result of the kernel.
     returned = nq if output == "q_next" else results
     head = _head(name, inputs, _Array(output, returned), style)
 
     # Statements that copy the arguments to the array x of the kernel, one after the other.
     copies = []
     start = 0
-    for x, size in inputs:
+    for name_of_input, size in inputs:
         if size:
             loop = f"    for (int i = 0; i < {size}; i++)"
-            copies.append(f"{loop}\n        x[{start} + i] = {x}[i];")
+            copies.append(f"{loop}\n        x[{start} + i] = {name_of_input}[i];")
         start += size
 
     source = c_code.body(kernel, suffix=style.suffix)
@@ -340,8 +348,8 @@ def _of_kernel(
         "parameters": kernel.parameters.numel(),
         "size": source.size,
         "room": source.room,
-        "checks": results,  # index of the first check
-        "total": results + kernel.checks.numel(),
+        "checks": results,  # the index of the first check
+        "total": results + kernel.checks.numel(),  # the number of results and checks
     }
     return _CFunction(
         declaration=f"/* {meaning} */\n{head};\n",
@@ -367,6 +375,7 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> _CFunction:
         "n": n,
         "motors": motors,
         "places": ", ".join(str(joint.idx_q) for joint in joints),
+        # 1 for an angle, whose full turns count as no error, else 0.
         "turns": ", ".join(str(int(unit == "rad")) for unit in mechanism.coordinate_rate_units),
         "turn": f"{2 * np.pi!r}{style.suffix}",
         "half": f"0.5{style.suffix}",
@@ -381,7 +390,7 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> _CFunction:
         " * accelerations of the coordinates; full turns count as no error. limits: the largest\n"
         " * torques of the motors."
     )
-    return _by_hand(head, meaning, "computed_torque.c", blanks)
+    return _of_template(head, meaning, "computed_torque.c", blanks)
 
 
 def _listed(
@@ -390,7 +399,8 @@ def _listed(
     """Lines of the symbolic parameters, each with its index and meaning."""
     space = mechanism.space
     forces = mechanism.lines.forces
-    # Numbers of parameters and their meaning, in the order of `SymbolicParameters`.
+    # A line of the C for each group of parameters, in the order of `SymbolicParameters`: how many
+    # they are, and their meaning.
     lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
     moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"
     for i in parameters.bodies:
