@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The statements of a kernel in C: one for each operation of its CasADi function.
 
+A kernel *along directions* computes a matrix column by column (`along_directions`). Its C consists
+of a function that runs once for a sample, and of *passes*, functions that compute the columns of a
+group of coordinates. Any other kernel has no passes.
+
 Arrays of the statements:
 
     x   the inputs of the sample, one after the other
@@ -18,15 +22,16 @@ it *depends on*:
     OF_SAMPLE       the sample, too
     k = 0, 1, ...   the direction of pass k, too
 
-These are the *sorts* of statements, in the order in which they run: -2, -1, 0, and so on. So the
-result of an operation has the largest sort of its operands. Passes do not read each other's
-results. Where statements need a result of an earlier sort, that one is stored: constants at the end
-of p, results of the sample at the end of y.
+These are the *sorts* of statements: -2, -1, 0, and so on. They run in this order. So the result of
+an operation has the largest sort of its operands. Passes do not read each other's results. If a
+statement needs a result of an earlier sort, this result is stored: constants at the end of p,
+results of the sample at the end of y.
+
+`written` translates the CasADi function operation by operation; a `Writer` holds the statements.
 
 **Coulomb friction.** CasADi has two operations for F sign(v): a sign, and a product with the
 constant F. In C both are one call `rubbing(v, F, ...)`, which returns at once if F is zero. So a
-sign is not written when it comes, but is *pending* until something else than such a product uses
-it.
+sign is not written at once. It is *pending* until an operation other than such a product uses it.
 """
 
 from math import isfinite
@@ -66,7 +71,7 @@ class Expression(NamedTuple):
 
     #: The name of a result of a statement, an entry of an array, or a literal.
     text: str
-    #: The sort of statements that it belongs to.
+    #: What it depends on: the sort of statements that it belongs to.
     depends_on: int
 
     @property
@@ -80,11 +85,11 @@ def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -
 
     Args:
         kernel: The kernel.
-        size: Size of p before the constants of this kernel; that of the parameters by default.
+        size: Size of p before the constants of this kernel; by default the number of parameters.
         suffix: The suffix of literals, "f" in single precision.
     """
     # The CasADi function. Inputs: x, p, then the direction of each pass. Outputs: y of the function
-    # that runs once, then y of each pass.
+    # that runs once (of a kernel without passes: its only one), then y of each pass.
     inputs = [ca.vertcat(*kernel.inputs.values()), kernel.parameters]
     passes = []
     factors = SX(0, 1)
@@ -106,6 +111,7 @@ def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -
         arguments = function.instruction_input(k)
         if operation == ca.OP_OUTPUT:
             output, entry = function.instruction_output(k)
+            # Output 0 is y of the function that runs once, whose sort is -1, and so on.
             writer.store(entry, work[arguments[0]], in_function=output - 1)
             continue
         (target,) = function.instruction_output(k)
@@ -128,7 +134,7 @@ def _input(number: int, entry: int) -> Expression:
 
 
 def _literal(x: float, suffix: str) -> Expression:
-    """A number in C; infinity and NaN too, as those of a robot without mass."""
+    """A number in C. Infinity and NaN occur for a robot without mass, for instance."""
     infinity = "1e308 * 1e308"
     if suffix:  # single precision
         infinity = f"1e38{suffix} * 1e38{suffix}"
@@ -163,11 +169,11 @@ class Writer:
         self.lines: dict[int, list[str]] = {sort: [] for sort in range(OF_PARAMETERS, passes)}
         self.size = size
         self.room = room
-        #: Where results that depend on parameters only are stored in p, by name.
+        #: The entry of p that stores a result of parameters, by the name of the result.
         self._in_p: dict[str, str] = {}
-        #: Where results that passes use are stored in y and read in o, by name.
+        #: The index "[k]" in y, which passes read as o, of a result of the sample, by its name.
         self._in_y: dict[str, str] = {}
-        #: Numbers of pairs of sine and cosine, by the angle.
+        #: The number k of the sine sk and the cosine ck, by the angle.
         self._angles: dict[str, int] = {}
         #: Reciprocals of expressions.
         self._inverses: dict[Expression, Expression] = {}
@@ -175,7 +181,7 @@ class Writer:
         self._pending_signs: dict[str, str] = {}
 
     def store(self, entry: int, result: Expression, in_function: int) -> None:
-        """Write an entry of the y of a function: `OF_SAMPLE`, or the number of a pass."""
+        """Write an entry of y of a function: in_function is `OF_SAMPLE` or the number of a pass."""
         text = self._make_available(result, in_function)
         self.lines[in_function].append(f"y[{entry}] = REAL({text});")
 
