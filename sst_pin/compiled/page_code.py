@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A robot's functions as JavaScript, for a page that computes without a server.
 
-`c_statements` writes the statements in C; they are translated here.
+The equations with one choice of coordinates and pivots are valid in a part of the configurations
+only. So `choices` finds several choices, and `page_code` writes the functions that do not depend on
+the choice, then a set of functions for each choice. `c_statements` writes the statements of each
+function in C, and `_in_javascript` translates them. engine.js calls the functions.
 """
 
 import json
@@ -37,7 +40,7 @@ from .symbolic_parameters import SymbolicParameters
 from .symbols import column
 
 #: Translation of a statement from C to JavaScript: patterns and what replaces them.
-_WORDS = [
+_TRANSLATIONS = [
     # A pair of sine and cosine.
     (
         re.compile(r"^real s(\d+), c\d+; sines_cosines\(1, &(\S+), .*"),
@@ -58,34 +61,37 @@ const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, res
 """
 #: The most choices of coordinates and pivots; each of them adds its dynamics to the page.
 _MOST_CHOICES = 4
-#: Walks that look for choices, and the steps of each.
+#: The pivots of a choice are large enough where their check is below this; as in engine.js.
+_GOOD_PIVOTS = 1e-3
+# Walks through closed configurations look for choices.
+#: Number of walks.
 _WALKS = 6
+#: Number of steps of a walk.
 _STEPS = 50
 #: Length of a step, [rad] or robot lengths.
 _STEP = 0.1
-#: Random part, and part along gravity, of the direction of a step, relative to that of the step
-#: before.
+# The direction of a step is the direction of the step before, of length one, plus two parts.
+#: Size of each component of the random part.
 _RANDOM = 0.1
+#: Length of the part along the gravity forces.
 _FALL = 0.3
-#: The pivots of a choice are large enough where their check is below this; as in engine.js.
-_GOOD_PIVOTS = 1e-3
 #: The most statements of a function that browsers optimise.
 _LARGEST = 600
 
 
 def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
-    """`page_code` of a robot that starts at q, and its symbolic parameters."""
+    """`page_code` of a robot that starts at q, and the numbers of its symbolic parameters."""
     mechanism = reference.mechanism
     equations = choices(reference, q)
     return page_code(equations), equations[0].parameters.pack(mechanism, mechanism.friction)
 
 
 def choices(reference: Reference, q: Array) -> list[Equations]:
-    """Equations with several choices of pivots and coordinates.
+    """Equations with several choices of coordinates and pivots.
 
-    In most configurations, one of them is sound. The first are in the robot's coordinates, with
-    pivots chosen near q. Walks from there look for configurations where all choices so far have
-    small pivots. There, other coordinates and pivots are chosen.
+    In most configurations, the pivots of one of them are large enough. The first equations are in
+    the robot's coordinates, with pivots chosen near q. Walks from q look for configurations where
+    all choices so far have small pivots. There, other coordinates and pivots are chosen.
     """
     mechanism = reference.mechanism
     numbers = SymbolicParameters(mechanism).pack(mechanism, mechanism.friction)
@@ -95,10 +101,11 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     if not len(mechanism.dependent) or not len(mechanism.coordinates):
         return equations
     for configuration in _walks(space, mechanism, q):
-        best, condition = space.in_good_coordinates(configuration)
-        smallest = min(float(check(configuration, numbers)) for check in checks)
-        if condition < WELL_CONDITIONED and smallest > _GOOD_PIVOTS:
-            other = Reference(replace(mechanism, coordinates=best.coordinates))
+        good_space, condition = space.in_good_coordinates(configuration)
+        # The check of the choice with the largest pivots.
+        check_of_best = min(float(check(configuration, numbers)) for check in checks)
+        if condition < WELL_CONDITIONED and check_of_best > _GOOD_PIVOTS:
+            other = Reference(replace(mechanism, coordinates=good_space.coordinates))
             equations.append(_equations_near(other, configuration))
             checks.append(_small_pivots(equations[-1]))
         if len(equations) == _MOST_CHOICES:
@@ -108,7 +115,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
 
 def _equations_near(reference: Reference, q: Array) -> Equations:
     """Equations with pivots that are chosen at samples near q."""
-    # Rounded, because legs are alike: the last digits must not choose the order.
+    # Rounded: equal legs give equal numbers up to the last digits, which must not choose pivots.
     samples = sample_configurations(reference, q).round(9)
     return Equations(reference.mechanism, samples, loaded=True)
 
@@ -119,10 +126,10 @@ def _small_pivots(e: Equations) -> ca.Function:
 
 
 def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Array]:
-    """Closed configurations along walks from a start, downhill and the same at each call.
+    """Closed configurations along walks from a start, the same at each call.
 
-    A step goes on in the direction of the one before, with a random part and a part along the
-    gravity forces, as far as the closures allow.
+    A step continues in the direction of the step before, with a random part and a part along the
+    gravity forces. It is projected onto the motions that keep the loops closed.
     """
     model = mechanism.model
     data = model.createData()
@@ -141,10 +148,10 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
             # The part that keeps the loops closed.
             direction = motions @ (motions.T @ (direction + _FALL * fall))
             step = _STEP * direction / np.linalg.norm(direction) * mechanism.rate_scale
-            suited, _ = space.in_good_coordinates(q)
+            good_space, _ = space.in_good_coordinates(q)
             try:
-                q = suited.closed(np.concatenate([pin.integrate(model, q, step), at_rest]))
-            except ClosureError:
+                q = good_space.closed(np.concatenate([pin.integrate(model, q, step), at_rest]))
+            except ClosureError:  # the next step goes in another direction
                 direction = random.standard_normal(model.nv)
                 continue
             yield q
@@ -154,10 +161,14 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
 def page_code(equations: Sequence[Equations]) -> str:
     """JavaScript of `sst_functions`, an object with what `engine.js` needs of a robot.
 
-    A function has the sizes of its arrays, `constants(p)`, which completes the symbolic parameters,
-    and `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by
-    each of the choices. Without motors that act on all coordinates there are no torques. With
-    contacts or ropes, `nonsmooth` has the numbers of `nonsmooth.js`, and each set its terms.
+    Its members are `common`, the kernels that do not depend on the choice of coordinates; `sets`,
+    the dynamics by each of the choices; and `nonsmooth`, the numbers for `nonsmooth.js`, or null
+    for a robot without contacts and ropes. With contacts or ropes, each set has a kernel "terms".
+    The kernel "torques" is missing if the motors do not act on all coordinates.
+
+    A kernel is an object with the sizes of its arrays (x, y and w as in `c_statements` and
+    `statements.in_parts`), `constants(p)`, which completes the symbolic parameters, and `parts`,
+    functions of x, p, y, w that run one after the other.
     """
     first = equations[0]
     if problem := impossible(first.mechanism, "accelerations"):
@@ -167,35 +178,36 @@ def page_code(equations: Sequence[Equations]) -> str:
     common_kernels = list(_common(first))
     if first.driven:
         common_kernels.append(replace(kernels.make(first, "torques"), name="torques"))
+    # All functions stand in one scope: their names begin with f0, or fi for set i = 1, 2, ...
     common = _functions(common_kernels, "f0")
     sets = [_set(e, f"f{i}", has_contacts) for i, e in enumerate(equations, start=1)]
-    definitions = "".join(functions.definitions for functions in (common, *sets))
-    listed_sets = ", ".join(functions.listed for functions in sets)
+    definitions = "".join(code.definitions for code in (common, *sets))
+    listed_sets = ", ".join(code.literal for code in sets)
     elements = json.dumps(_elements(first)) if has_contacts else "null"
-    result = f"{{common: {common.listed}, sets: [{listed_sets}], nonsmooth: {elements}}}"
+    result = f"{{common: {common.literal}, sets: [{listed_sets}], nonsmooth: {elements}}}"
     code = f"{_HELPERS}{definitions}return {result};"
     return f"const sst_functions = (() => {{\n{code}\n}})();\n"
 
 
-def _set(e: Equations, prefix: str, has_contacts: bool) -> "_Functions":
+def _set(e: Equations, prefix: str, has_contacts: bool) -> "_Code":
     """The dynamics by one choice of coordinates and pivots; names begin with the prefix."""
     mechanism = e.mechanism
     kernels_of_set = _dynamics(e)
     layout = "null"
     if has_contacts:
-        terms = NonsmoothTerms(e, _rows(mechanism))
+        terms = NonsmoothTerms(e, _rows_of_steps(mechanism))
         kernels_of_set.append(replace(terms.kernel(Checks(e)), name="terms"))
         scale = mechanism.rate_scale[mechanism.coordinates].tolist()
         layout = json.dumps(asdict(terms.layout) | {"coordinate_scale": scale})
-    functions = _functions(kernels_of_set, prefix)
+    of_kernels = _functions(kernels_of_set, prefix)
     members = {
         "coordinates": mechanism.coordinates.tolist(),
         "parts": _parts(mechanism),
         "layout": layout,
-        "kernels": functions.listed,
+        "kernels": of_kernels.literal,
     }
     listed = ", ".join(f"{name}: {member}" for name, member in members.items())
-    return functions._replace(listed=f"{{{listed}}}")
+    return _Code(of_kernels.definitions, literal=f"{{{listed}}}")
 
 
 def _dynamics(e: Equations) -> list[SymbolicKernel]:
@@ -208,16 +220,16 @@ def _dynamics(e: Equations) -> list[SymbolicKernel]:
     return [state_rate, closing, rates]
 
 
-def _rows(mechanism: Mechanism) -> NonsmoothRows:
-    """The rows of a step; the page has its own gains of the motors."""
+def _rows_of_steps(mechanism: Mechanism) -> NonsmoothRows:
+    """The rows of a nonsmooth step, without gains: the page has its own gains of the motors."""
     no_gains = np.zeros(len(mechanism.motor_names))
     return NonsmoothRows(mechanism, MotorGains(no_gains, no_gains))
 
 
 def _elements(e: Equations) -> dict[str, Any]:
-    """Numbers of contacts, ropes, cables, stops, dry joints, and of what a step damps."""
+    """Numbers for `nonsmooth.js`: contacts, ropes, cables, stops, dry friction, implicit forces."""
     mechanism = e.mechanism
-    rows = _rows(mechanism)
+    rows = _rows_of_steps(mechanism)
     rates = implicit_rates(e.parameters)
     others = other_lines(rows)
     lines = mechanism.lines
@@ -248,7 +260,10 @@ def _elements(e: Equations) -> dict[str, Any]:
 
 
 def _parts(mechanism: Mechanism) -> str:
-    """Dependent rates in parts that the loops connect, and the usual size of each part of Phi."""
+    """The dependent rates in groups that the loops connect, as an array in JavaScript.
+
+    Each group has its `Mechanism.usual_size`, with which its singular values are compared.
+    """
     parts = []
     loops = Loops(mechanism.model, mechanism.closures)
     for rows, rates in loops.parts(mechanism.coordinates):
@@ -258,9 +273,11 @@ def _parts(mechanism: Mechanism) -> str:
 
 
 def _common(e: Equations) -> Iterator[SymbolicKernel]:
-    """Functions that do not depend on the choice of coordinates.
+    """Kernels that do not depend on the choice of coordinates.
 
-    They are placements of links, their rates for q_dot, energies for v, and Phi without units.
+    "places" are the placements of all joints, each R column by column, then p. "flow" are their
+    rates for given q_dot. "energies" are the kinetic energy for given v and the potential energy.
+    "loops" is Phi free of units, row by row.
     """
     kinematics = e.kinematics
     model = e.mechanism.model
@@ -280,7 +297,7 @@ def _common(e: Equations) -> Iterator[SymbolicKernel]:
 
 
 def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> SymbolicKernel:
-    """A function without checks."""
+    """A kernel without checks."""
     return SymbolicKernel(
         name=name,
         inputs=inputs,
@@ -290,28 +307,31 @@ def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> Sy
     )
 
 
-class _Functions(NamedTuple):
+class _Code(NamedTuple):
     """JavaScript of several kernels."""
 
     #: The definitions of their functions.
     definitions: str
-    #: An object with the description of each kernel by its name; of a set, of the set.
-    listed: str
+    #: An object literal that refers to these functions.
+    literal: str
 
 
-def _functions(some_kernels: Sequence[SymbolicKernel], prefix: str) -> _Functions:
-    """JavaScript of kernels, with functions whose names begin with the prefix."""
+def _functions(some_kernels: Sequence[SymbolicKernel], prefix: str) -> _Code:
+    """JavaScript of kernels; the literal has a member for each kernel, by its name.
+
+    Names of functions begin with the prefix.
+    """
     definitions = []
-    descriptions = []
+    members = []
     for kernel in some_kernels:
-        text, description = _function(kernel, f"{prefix}_{kernel.name}")
+        text, member = _function(kernel, f"{prefix}_{kernel.name}")
         definitions.append(text)
-        descriptions.append(description)
-    return _Functions("".join(definitions), "{" + ", ".join(descriptions) + "}")
+        members.append(member)
+    return _Code("".join(definitions), "{" + ", ".join(members) + "}")
 
 
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
-    """The functions of a kernel, whose names begin with `name`, and their description."""
+    """Definitions of a kernel's functions, whose names begin with `name`, and its member."""
     writer = c_statements.written(kernel)
     of_parameters = list(map(_in_javascript, writer.lines[c_statements.OF_PARAMETERS]))
     of_sample = list(map(_in_javascript, writer.lines[c_statements.OF_SAMPLE]))
@@ -327,12 +347,13 @@ def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
         "room": room,
     }
     functions = ", ".join(f"{name}_{k}" for k in range(len(parts)))
-    described = f"{json.dumps(sizes)[1:-1]}, constants: {name}_constants, parts: [{functions}]"
-    return "".join(texts), f"{kernel.name}: {{{described}}}"
+    listed_sizes = json.dumps(sizes)[1:-1]  # without braces
+    members = f"{listed_sizes}, constants: {name}_constants, parts: [{functions}]"
+    return "".join(texts), f"{kernel.name}: {{{members}}}"
 
 
 def _in_javascript(line: str) -> str:
     """A statement in C as JavaScript."""
-    for pattern, words in _WORDS:
+    for pattern, words in _TRANSLATIONS:
         line = pattern.sub(words, line)
     return line
