@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The C of nonsmooth steps: generated kernels of the terms, and a solver written by hand."""
+"""The C of nonsmooth steps: generated kernels, and a solver written by hand.
+
+`step_source` makes what a step is made from: three kernels, and the numbers of a robot for the
+*blanks* of templates, such as ${name} in a file of the folder `c`. `library` makes the C of it;
+`warp_code` makes a module of Warp of it.
+"""
 
 from typing import NamedTuple
 
@@ -23,25 +28,33 @@ SOLVER = ("dense_solvers.h", "impulses.h", "nonsmooth_step.h")
 class StepSource(NamedTuple):
     """What the code of a step is made from, in C and for Warp."""
 
-    #: `closing` closes the loops, `nonsmooth_terms` evaluates the terms of the impulses, and
-    #: `advance` gives rates of q.
+    #: In this order: `closing` closes the loops, `nonsmooth_terms` evaluates the terms of the
+    #: impulses (`nonsmooth_kernel`), and `advance` computes the rates of q.
     kernels: tuple[SymbolicKernel, SymbolicKernel, SymbolicKernel]
-    #: Texts and numbers of this robot for the blanks of the templates.
+    #: Texts and numbers of this robot for the blanks of the templates, by name.
     blanks: dict[str, object]
 
 
 def step_source(
     equations: Equations, rows: NonsmoothRows, checks: Checks, tolerance: float = CLOSURE_TOLERANCE
 ) -> StepSource:
-    """The kernels and numbers of a step; loops are closed up to `tolerance`."""
+    """The kernels and numbers of a step.
+
+    Args:
+        equations: The equations of the robot.
+        rows: The rows of the impulses.
+        checks: Checks of the kernels.
+        tolerance: Tolerance of closed loops, free of units.
+    """
     symbols = NonsmoothTerms(equations, rows)
     close = kernels.make(equations, "closing", checks)
     terms = symbols.kernel(checks)
     mechanism = rows.mechanism
     contacts = mechanism.contacts
     layout = symbols.layout
-    inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then the rest
-    # Members of `robot_tables` in nonsmooth_step.h, in their order: counts, places, sizes, tables.
+    inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then external wrenches
+    # Blanks of nonsmooth_tables.h for the `robot_tables` of nonsmooth_step.h. The counts are the
+    # first members of this structure, in their order there.
     counts = {
         "n": layout.n,
         "q": inputs[0],
@@ -55,7 +68,6 @@ def step_source(
         "dry": len(rows.dry_friction),
         "implicit": len(layout.implicit_row),
     }
-    determinants = np.abs(equations.at_samples(equations.pivots.determinant))
     of_rows: dict[str, object] = {
         "counts": listed(list(counts.values())),
         "places": listed(list(layout.places.values())),
@@ -74,7 +86,8 @@ def step_source(
         "coordinate_scale": listed(mechanism.rate_scale[mechanism.coordinates].tolist()),
         "gap_scale": listed(rows.gap_scale.tolist()),
     }
-    # Members of `bounds_of_step` in nonsmooth_move.h.
+    # Blanks of nonsmooth_tables.h for the `bounds_of_step` of nonsmooth_move.h.
+    determinants = np.abs(equations.at_samples(equations.pivots.determinant))
     of_bounds: dict[str, object] = {
         "units": listed(close.units),
         "bend": LARGEST_BEND,
@@ -85,10 +98,10 @@ def step_source(
     }
     # Sizes of arrays.
     sizes: dict[str, object] = {
-        "n": layout.n,
-        "m": len(rows.kinds),
-        "motors": mechanism.motor_count,
-        "q": inputs[0],
+        "n": counts["n"],
+        "m": counts["m"],
+        "motors": counts["motors"],
+        "q": counts["q"],
         "rates": mechanism.model.nv,
         "inputs": sum(inputs),
     }
@@ -101,7 +114,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
     source = step_source(equations, rows, Checks(equations))
     code = bodies(source.kernels, in_memory=True)
-    parts = [
+    texts = [
         f"#define LANES {lanes}",
         *map(part, ("real.h", "distances.h", "driver.h", *SOLVER)),
         *code.texts,
@@ -117,7 +130,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
         "sizes": listed([x.numel() for x in terms.inputs.values()]),
         "results": terms.output.numel(),
     }
-    numbers = of_library | source.blanks
+    blanks = of_library | source.blanks
     names = ("prepare", "sizes", "nonsmooth")
-    parts += [filled(f"entries/{name}.c", numbers) for name in names]
-    return ["\n".join(parts)]
+    texts += [filled(f"entries/{name}.c", blanks) for name in names]
+    return ["\n".join(texts)]
