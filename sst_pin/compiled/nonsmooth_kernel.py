@@ -3,11 +3,11 @@
 
 A step computes impulses (of contacts, ropes, cables, stops, dry friction). Each acts along a *row*:
 a linear function of the rates va of the coordinates, such as the velocity of a contact along an
-axis, or the rate of a joint. Dampers, springs and motors act along rows too; they are implicit,
-which means that the step uses their rates at its end.
+axis, or the rate of a joint. Dampers, springs and motors act along rows too. These forces are
+*implicit*: a step computes them from the rates at its end.
 
-The rows are sparse: only entries that can differ from zero are results of the kernel. `Layout` says
-where they are; `c/nonsmooth_step.h` makes a step of them.
+`NonsmoothTerms` makes the kernel. The rows are sparse: only entries that can differ from zero are
+results of the kernel. `Layout` says where they are; `c/nonsmooth_step.h` makes a step of them.
 """
 
 from collections.abc import Iterator
@@ -35,32 +35,33 @@ from .symbols import Sparse, add, is_zero
 class Layout:
     """Where the results of the kernel are, for the C of a step.
 
-    Rows have numbers in the order in which they are added. They are stored as a sparse matrix, row
-    by row: row i has the entries row_start[i] to row_start[i + 1] - 1.
+    Rows have numbers in the order in which they are added; several impulses and implicit forces may
+    act along one row. Rows are stored as a sparse matrix, row by row: row i has the entries
+    row_start[i] to row_start[i + 1] - 1.
     """
 
     #: Number of coordinates.
     n: int
-    #: The first entry of each row, then the number of entries.
+    #: Index of the first entry of each row, then the number of all entries.
     row_start: list[int] = field(default_factory=lambda: [0])
     #: The column of each entry.
     row_column: list[int] = field(default_factory=list)
     #: Index of the first result of each part: inertia (upper triangle), forces, gaps, lengths of
     #: cables, positions of motors, entries of rows.
     places: dict[str, int] = field(default_factory=dict)
-    #: Row of each impulse, in the order of `NonsmoothRows`.
+    #: Number of the row of each impulse, in the order of `NonsmoothRows`.
     impulse_row: list[int] = field(default_factory=list)
     #: 1 if a positive impulse acts along its row, -1 if it acts against it.
     impulse_sign: list[int] = field(default_factory=list)
-    #: Rows of implicit forces; motors come last.
+    #: Number of the row of each implicit force: joints, lines that also push, motors.
     implicit_row: list[int] = field(default_factory=list)
 
 
 class NonsmoothTerms:
-    """The terms of one mechanism.
+    """The terms of a step of one mechanism.
 
     Numbers such as friction of contacts, lengths of ropes and gains are no part of the terms: the C
-    of a step takes them as arguments.
+    of a step takes them as arguments (`nonsmooth_motions.parameter_values`).
 
     Attributes:
         layout: Where the results of the kernel are.
@@ -75,9 +76,9 @@ class NonsmoothTerms:
         self._entries: list[SX] = []
         #: Heights of contacts, then lengths of ropes with the opposite sign.
         self._gaps: list[SX] = []
-        #: Row of each rate of the tree: stops, dry joints and motors share it.
+        #: Number of the row of a rate of the tree: stops, dry joints and motors share it.
         self._joints: dict[int, int] = {}
-        #: Row of each line that also pushes: its dry friction and its damper share it.
+        #: Number of the row of a line that also pushes: its dry friction and its damper share it.
         self._lines: dict[int, int] = {}
         #: Twists and origins of bodies, by Pinocchio's joint; several contacts ask for the same.
         self._twists_of_joints: dict[int, tuple[SX, SX]] = {}
@@ -122,18 +123,17 @@ class NonsmoothTerms:
 
     @property
     def _forces(self) -> SX:
-        """Forces along the coordinates, shape (n,): -L^T times what the tree needs for aa = 0.
+        """Forces along the coordinates, shape (n,): minus L^T times the forces needed for aa = 0.
 
-        Weights, loads, springs and lines that also push are in it; friction, dampers, motors and
-        cables are not.
+        They include inertia, weights, external wrenches, springs, and lines that also push. They do
+        not include friction, dampers, motors and cables.
         """
         e = self._e
-        pulls_only = set(self._rows.cables.tolist())
+        cables = set(self._rows.cables.tolist())
         tensions = []
         for k, x in enumerate(e.tree.lines):
-            pushes_too = k not in pulls_only
             spring = x.preload + x.stiffness * (x.length - x.rest)
-            tensions.append(spring if pushes_too else SX(0))
+            tensions.append(SX(0) if k in cables else spring)
         stiffness = e.parameters.of_joints("stiffness", e.p)
         moves = e.kinematics.difference(e.parameters.of_joints("spring_reference", e.p))
         springs: Sparse = {k: c * moves[k] for k, c in stiffness.items()}
@@ -145,11 +145,11 @@ class NonsmoothTerms:
     # --- rows -------------------------------------------------------------------------------
 
     def _add_rows(self) -> None:
-        """Add all rows to the layout, and their gaps.
+        """Add the rows of all impulses and implicit forces to the layout, and the gaps.
 
-        Their order is a contract with `NonsmoothRows`, `parameter_values` and
-        `c/nonsmooth_step.h`. Rows of impulses: contacts (three each), ropes, cables, stops, dry
-        joints, dry lines. Implicit rows: joints, lines that also push, motors.
+        `NonsmoothRows`, `parameter_values` and `c/nonsmooth_step.h` rely on this order of impulses:
+        contacts (three each), ropes, cables, stops, dry joints, dry lines; and on this order of
+        implicit forces: joints, lines that also push, motors.
         """
         self._add_contacts()
         self._add_ropes()
@@ -165,10 +165,10 @@ class NonsmoothTerms:
         self.layout.impulse_sign.append(sign)
 
     def _add_contacts(self) -> None:
-        for gap, of_contact in self._contacts():
-            self._gaps.append(gap)
+        for height, rows in self._contacts():
+            self._gaps.append(height)
             for axis in range(3):  # of the ground
-                self._add_impulse(self._add(of_contact[axis, :]))
+                self._add_impulse(self._add(rows[axis, :]))
 
     def _add_ropes(self) -> None:
         for rope in self._mechanism.contacts.ropes:
@@ -206,13 +206,14 @@ class NonsmoothTerms:
         self.layout.implicit_row = rows
 
     def _add(self, row: SX) -> int:
-        """Add a row on the coordinates, and return its number."""
+        """Add a row on the coordinates, shape (1, n), and return its number."""
+        number = len(self.layout.row_start) - 1  # of rows so far
         for j in range(self.layout.n):
             if not is_zero(row[j]):
                 self.layout.row_column.append(j)
                 self._entries.append(row[j])
         self.layout.row_start.append(len(self._entries))
-        return len(self.layout.row_start) - 2
+        return number
 
     def _of_joint(self, rate: int) -> int:
         """The number of the row of a rate of the tree, which is added once."""
@@ -227,8 +228,11 @@ class NonsmoothTerms:
         return self._lines[k]
 
     def _of_motor(self, k: int) -> int:
-        """The number of the row of a motor's rate; cables are left out."""
-        on_rates = self._mechanism.actuation[:, k]
+        """The number of the row of a motor's rate.
+
+        Cables are left out: a motor pulls them by their impulses.
+        """
+        on_rates = self._mechanism.actuation[:, k]  # effort along each rate of the tree
         on_lines = self._mechanism.lines.actuation[:, k].copy()
         on_lines[self._rows.cables] = 0
         (driven,) = np.nonzero(on_rates)
@@ -238,7 +242,7 @@ class NonsmoothTerms:
         return self._add(self._reduced(add(row, self._e.tree.along_lines(on_lines.tolist()))))
 
     def _reduced(self, row: Sparse) -> SX:
-        """A row on the rates of the tree as a row on the coordinates, row L."""
+        """A row on the rates of the tree as a row on the coordinates: row times L, shape (1, n)."""
         entries = []
         for L in self._e.L:
             entries.append(SX(total([x * L[i] for i, x in row.items() if i in L])))
@@ -246,11 +250,15 @@ class NonsmoothTerms:
 
     @property
     def _motor_positions(self) -> SX:
-        """Position of each motor; of rates without a position, zero."""
+        """Position of each motor: displacements of its rates and lengths of its lines, weighted.
+
+        The weights are the efforts of the motor along them. Displacements are from the neutral
+        configuration. Rates without a position, such as those of a free-flyer, do not contribute.
+        """
         mechanism = self._mechanism
         with_positions = set(mechanism.possible_springs.tolist())
         neutral = pin.neutral(mechanism.model)
-        moves = self._e.kinematics.difference(
+        displacements = self._e.kinematics.difference(
             {i: SX(float(neutral[i])) for i in sorted(self._positioned)}
         )
         positions = []
@@ -259,7 +267,7 @@ class NonsmoothTerms:
             of_rates = mechanism.actuation[:, motor]
             for k in map(int, np.flatnonzero(of_rates)):
                 if k in with_positions:
-                    terms.append(float(of_rates[k]) * moves[k])
+                    terms.append(float(of_rates[k]) * displacements[k])
             of_lines = mechanism.lines.actuation[:, motor]
             for k in map(int, np.flatnonzero(of_lines)):
                 terms.append(float(of_lines[k]) * self._e.tree.lines[k].length)
@@ -279,24 +287,29 @@ class NonsmoothTerms:
         return entries
 
     def _contacts(self) -> Iterator[tuple[SX, SX]]:
-        """Height of each contact's frame, and its rows, shape (3, n), in axes of its ground."""
+        """Height of each contact's frame above its ground, and the rows of its velocity.
+
+        The rows, shape (3, n), map va to the velocity of the contact relative to the ground, in
+        axes of the ground. The ground is the plane z = 0 of its frame.
+        """
+        model = self._mechanism.model
         for contact in self._mechanism.contacts.points:
-            frame, ground = (
-                frame_named(self._mechanism.model, name) for name in (contact.frame, contact.ground)
-            )
+            frame = frame_named(model, contact.frame)
+            ground = frame_named(model, contact.ground)
             place = self._e.kinematics.moving_frame(0, frame)
             plane = self._e.kinematics.moving_frame(0, ground)
             normal = plane.R[:, 2]
             height = ca.dot(normal, place.p - plane.p)
-            touching = place.p - contact.radius * normal
+            # The lowest point of the sphere around the frame, and the point of the ground below it.
+            lowest = place.p - contact.radius * normal
             below = place.p - height * normal
-            relative = self._velocities(frame.parentJoint, touching)
+            relative = self._velocities(frame.parentJoint, lowest)
             if ground.parentJoint:
                 relative = relative - self._velocities(ground.parentJoint, below)
             yield height, plane.R.T @ relative
 
     def _velocities(self, joint: int, at: SX) -> SX:
-        """Velocity of a point of a body for the rate of each coordinate, world axes, (3, n)."""
+        """Velocity of a point of a body for a unit rate of each coordinate, base axes, (3, n)."""
         twists, origin = self._twists(joint)
         columns = [
             twists[:3, k] + ca.cross(twists[3:, k], at - origin) for k in range(self.layout.n)
@@ -304,7 +317,7 @@ class NonsmoothTerms:
         return ca.horzcat(*columns)
 
     def _twists(self, joint: int) -> tuple[SX, SX]:
-        """Twists of a body for the rates of the coordinates, shape (6, n), and its origin."""
+        """Twists of a body for unit rates of the coordinates, shape (6, n), and its origin."""
         if joint not in self._twists_of_joints:
             frame = pin.Frame("", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
             body: MovingFrame = self._e.kinematics.moving_frame(0, frame)
@@ -317,7 +330,7 @@ class NonsmoothTerms:
 
 
 def advance(e: Equations) -> SymbolicKernel:
-    """The kernel of the rates of q for rates of the coordinates."""
+    """The kernel that computes the rates of q from those of the coordinates, for Warp and C."""
     return SymbolicKernel(
         name="advance",
         inputs={"q": e.q, "va": e.va},
