@@ -33,9 +33,19 @@ class CasadiFunctions:
     examples.
 
     Every function is made at its first use, can be pickled, takes numbers, `SX` and `MX`, and has
-    derivatives of every order. Compiled functions have those of first order, compiled derivatives
-    have none; their pickles are for this machine and user. Coulomb friction is smooth. Only `check`
-    and `torques_check` check the input: next to a singularity numbers grow without an error.
+    derivatives of every order. Coulomb friction is smooth. Only `check` and `torques_check` check
+    the input: next to a singularity numbers grow without an error.
+
+    Compiled functions have derivatives of first order only, and compiled `torque_derivatives` and
+    `acceleration_derivatives` have none. Pickles of compiled functions are for this machine and
+    user.
+
+    Args:
+        reference: Reference path of the chain.
+        near: Configuration near which the order of elimination is chosen, shape (nq,), or None.
+        sign_width: Coulomb friction has tanh(v / sign_width) for the sign of a rate v.
+        loaded: Whether external wrenches are the last input, shape (bodies, 6).
+        compiled: Whether the functions are compiled C code.
 
     Attributes:
         nq, n, motors: Numbers of entries in q, va, tau.
@@ -56,7 +66,8 @@ class CasadiFunctions:
         self._compiled = compiled
         samples = sample_configurations(reference, near)
         self._equations = Equations(mechanism, samples, loaded, smooth=True)
-        # Chooses the pivots now: the constructor refuses coordinates that do not fix the motion.
+        # This chooses the pivots now, so that the constructor refuses coordinates that do not
+        # determine the motion.
         self._Phi_u = self._equations.factors
         friction = replace(mechanism.friction, sign_width=sign_width)
         self._numbers = self._equations.parameters.pack(mechanism, friction)
@@ -118,15 +129,16 @@ class CasadiFunctions:
     def residual(self) -> Function:
         """(q) -> r: zero if the loops are closed; independent rows only, [m] and [rad].
 
-        The rows are independent closure constraints, and |u|^2 - 1 of the unit vectors in q
-        (quaternions, cosine-sine pairs), without constraints on rates only (rolling). A loop can
-        also close in a wrong way (a hinge turned by half a turn): check results with
-        `chain.residual`, which has all rows. Where no choice of rows is independent everywhere
-        (Bennett's linkage), all are combined to as many numbers as the loop has dependent rates.
+        The entries are independent closure constraints, then |u|^2 - 1 of the unit vectors u in q
+        (quaternions, cosine-sine pairs). Constraints on rates only (rolling) have no entry. If no
+        choice of rows of a loop is independent everywhere (Bennett's linkage), all its rows are
+        combined to as many numbers as the loop has dependent rates.
+
+        A loop can also close in a wrong way (a hinge turned by half a turn): check results with
+        `chain.residual`, which has all rows.
         """
         e = self._equations
-        # Rows on rates only have no residual.
-        of_rows: dict[int, SX] = {}
+        of_rows: dict[int, SX] = {}  # rows that constrain rates only have no residual
         for i in sorted(self._Phi_u.rows):
             residual = e.rows[i].residual
             if residual is not None:
@@ -160,8 +172,8 @@ class CasadiFunctions:
     def torques_check(self) -> Function:
         """(q, va, aa) -> c: above 1 (or NaN) where `torques` of this motion cannot be trusted.
 
-        Besides `check`, torques that balance each other may be so large that their rounding is not
-        small beside the forces that the motion needs.
+        The reasons are those of `check`, and one more: torques that balance each other may be so
+        large that their rounding is not small beside the forces that the motion needs.
 
         Raises:
             ActuationError: As `torques`.
@@ -213,7 +225,7 @@ class CasadiFunctions:
     def frame_jacobian(self, frame: str) -> Function:
         """(q) -> J, shape (6, n): the chain's `frame_jacobian` of a frame, by its name."""
         rows = kernels.make(self._equations, "frame_jacobian", frame=frame).output
-        J = ca.reshape(rows, self.n, 6).T
+        J = ca.reshape(rows, self.n, 6).T  # `reshape` fills columns first
         return self._with_numbers("frame_jacobian", {"q": self._equations.q}, {"J": J})
 
     # --- inside -----------------------------------------------------------------------------
@@ -228,7 +240,8 @@ class CasadiFunctions:
     def _derivatives(self, quantity: str, by_q: str, by_va: str, by_last: str) -> Function:
         """The function of three derivatives, with names for these."""
         kernel = kernels.make(self._equations, quantity)
-        # The result of the kernel is the matrix [by_q, by_va, by_last], row by row.
+        # The result of the kernel is the matrix [by_q, by_va, by_last] with n rows, row by row.
+        # CasADi's `reshape` fills columns first, hence the transpose.
         side_by_side = ca.reshape(kernel.output, -1, self.n).T
         starts = [0, self.n, 2 * self.n, side_by_side.shape[1]]
         parts = ca.horzsplit(side_by_side, starts)
@@ -269,7 +282,10 @@ class CasadiFunctions:
 
 
 def _compiled(robot: str, function: Function, *, has_jacobian: bool) -> Function:
-    """The function in compiled code, from the cache or compiled now, perhaps with a Jacobian."""
+    """The function in compiled code, from the cache or compiled now.
+
+    With `has_jacobian` its derivative of first order is compiled too.
+    """
     name = function.name()
     content = f"{int(has_jacobian)} {function.serialize()}".encode()
 
