@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Shared libraries of kernels: compiled once, kept in the user's cache folder, loaded.
 
-The name of a file ends in the hash of all that the library is made from. A process keeps a library
-in memory, so any process may delete any file.
+`load` returns a library, `text` the file of a kernel that another compiler translates (Warp's), and
+`Code` finds the functions of a kernel in a loaded library.
+
+The name of a file has the hash of all that it is made from. A process keeps a library in memory, so
+any process may delete any file.
 """
 
 import ctypes
@@ -28,26 +31,30 @@ from .compiler import TARGETS, compile_library
 
 #: The largest total size of the libraries in the cache, [bytes].
 LARGEST = 2**30
-#: All files of the package that affect the content of a kernel.
+#: Patterns of the files of this package that affect the content of a kernel.
 _CODE = (
     *("model/*.py", "loops/*.py", "dynamics/*.py"),
     *("compiled/*.py", "compiled/c/**/*.[ch]", "version.py"),
 )
-#: The most sizes in a library; their list ends with -1.
+#: The most sizes in a list of sizes of a library; the list ends with -1.
 _MOST_SIZES = 8
+#: What to do if the cache folder cannot be used.
 _CURE = "set XDG_CACHE_HOME to another folder"
 _log = logging.getLogger(__name__)
 #: The libraries that this process has loaded, by their paths.
 _loaded: dict[Path, ctypes.CDLL] = {}
+#: Held while a compilation is announced.
 _ANNOUNCING = threading.Lock()
 
 
 class Sizes(NamedTuple):
-    """Numbers of entries of the arrays of a function."""
+    """Numbers of entries of the arrays of a function, in the order of its list of sizes."""
 
     #: Of p: the parameters and the constants that are computed from them.
     parameters: int
+    #: Of the result.
     output: int
+    #: Of each input.
     inputs: tuple[int, ...]
 
 
@@ -66,7 +73,7 @@ class Code:
         return Sizes(parameters, output, tuple(inputs))
 
     def address(self, function: str) -> int:
-        """Address of a function: "run", of rollouts "rate" too."""
+        """Address of a function: "run", or "rate" of a rollout."""
         pointer = getattr(self.library, f"{function}_{self.entry}")
         address = ctypes.cast(pointer, ctypes.c_void_p).value
         assert address is not None
@@ -81,12 +88,14 @@ class Code:
 
 
 class CachedLibrary(NamedTuple):
-    """A library in the cache; `used` is when it was last loaded, in seconds since 1970."""
+    """A library in the cache."""
 
     path: Path
     robot: str
     kernel: str
+    #: Size of the file, [bytes].
     size: int
+    #: When it was last loaded, in seconds since 1970.
     used: float
 
 
@@ -122,9 +131,10 @@ def cached() -> list[CachedLibrary]:
 
 
 def delete(largest: int = 0) -> int:
-    """Delete the least recently used libraries until the rest is small enough.
+    """Delete the least recently used libraries until the rest is smaller than `largest`, [bytes].
 
-    Returns the number of deleted libraries. Those in use stay in memory.
+    The result is the number of deleted libraries. Processes that use a deleted library keep it in
+    memory.
     """
     count = total = 0
     for library in cached():
@@ -151,14 +161,14 @@ def load(
     Args:
         robot: Name of the robot, for the name of the file and for messages.
         kernel: Name of the kernel.
-        content: All that the source is made from.
+        content: All that the sources are made from; it is part of the hash in the file's name.
         target: One of `TARGETS`.
-        sources: Returns the C, file by file.
+        sources: Returns the C, file by file. It is called only if there is no library yet.
         options: More options of the compiler, the same for each kernel of this name.
     """
     path = _path(robot, kernel, content, target, ".so")
     if path not in _loaded:
-        library = _stored(path)
+        library = _from_cache(path)
         if library is None:
             _announce(robot)
             _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot, target)
@@ -168,23 +178,26 @@ def load(
 
 
 def text(robot: str, kernel: str, content: bytes, source: Callable[[], str]) -> Path:
-    """A file of the cache with the text of a kernel, for another compiler; arguments as `load`."""
+    """The file of the cache with the text of a kernel, written now if it is missing.
+
+    The arguments are those of `load`; `source` returns the text.
+    """
     path = _path(robot, kernel, content, "text", ".py")
     if not path.is_file():
-        _stored_whole(path, lambda part: part.write_text(source(), "utf-8"))
+        _store_whole(path, lambda part: part.write_text(source(), "utf-8"))
     with suppress(OSError):  # a cache may be read-only
-        os.utime(path)
+        os.utime(path)  # it is used now
     return path
 
 
 def _path(robot: str, kernel: str, content: bytes, target: str, suffix: str) -> Path:
-    """The place of a kernel in the cache."""
+    """The path of a kernel in the cache: the robot, the kernel, a hash, and the suffix."""
     parts = [content, kernel.encode(), target.encode(), _version()]
     key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
     return cache_folder() / f"{_file_name(robot or 'robot')}.{_file_name(kernel)}.{key}{suffix}"
 
 
-def _stored_whole(path: Path, write: Callable[[Path], object]) -> None:
+def _store_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Store a file at its place when it is complete: others see the whole file or none."""
     part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
     try:
@@ -205,26 +218,26 @@ def _announce_once(robot: str) -> None:
     _log.warning("sst-pin: compiling kernels of %s; the cache keeps them", robot)
 
 
-def _stored(path: Path) -> ctypes.CDLL | None:
-    """A library in the cache; None if it is missing or cannot be loaded."""
+def _from_cache(path: Path) -> ctypes.CDLL | None:
+    """The loaded library at a path of the cache; None if it is missing or cannot be loaded."""
     try:
         library = ctypes.CDLL(str(path))
     except OSError:
         return None
     with suppress(OSError):  # a cache may be read-only
-        os.utime(path)
+        os.utime(path)  # it is used now
     return library
 
 
 def _compiled(path: Path, sources: Sequence[str], options: Sequence[str]) -> ctypes.CDLL:
-    """A library that is compiled now and stored at a path."""
+    """A library that is compiled now, stored at a path, and loaded."""
 
     def write(part: Path) -> None:
         with tempfile.TemporaryDirectory() as scratch:
             compile_library(sources, Path(scratch, "kernel.so"), options)
             shutil.copyfile(Path(scratch, "kernel.so"), part)
 
-    _stored_whole(path, write)
+    _store_whole(path, write)
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:

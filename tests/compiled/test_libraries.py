@@ -161,7 +161,7 @@ def test_a_process_loads_a_library_once(monkeypatch):
     chain = sst_pin.robots.five_bar()
     q, zero = chain.home, np.zeros(2)
     chain.compile()
-    monkeypatch.setattr(libraries, "_stored", raising(AssertionError("it is loaded")))
+    monkeypatch.setattr(libraries, "_from_cache", raising(AssertionError("it is loaded")))
     chain.model.inertias[1].mass *= 1.1
     chain.refresh()
     others = copy.deepcopy(chain), pickle.loads(pickle.dumps(chain))
