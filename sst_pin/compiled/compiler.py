@@ -42,11 +42,12 @@ _OPTIONS = ("-std=gnu11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-
 #: Sources of more characters than this are long. GCC compiles shorter ones in about half a second,
 #: with and without the options for long ones, so that the usual options stay.
 _LONG_SOURCE = 200_000
-#: Options for long sources, for compilers that know them (GCC). The time of these passes grows
-#: faster than a function. They look for values that are computed twice and for results that nobody
-#: reads; the generator has removed both. Measured with GCC 12: a long source compiles in 0.6 to 0.7
-#: of the time, and runs as fast. The pass for ranges of values (vrp) finds nothing in numbers of
-#: this kind; without it, accelerations of 54 coordinates compile in 10 s, not in more than 160 s.
+#: Options for long sources, for compilers that know them (GCC). They switch off passes of the
+#: compiler whose time grows faster than the function. Most of these passes look for values that are
+#: computed twice and for results that nobody reads; the generator has removed both. Measured with
+#: GCC 12: a long source compiles in 0.6 to 0.7 of the time, and runs as fast. The pass for ranges
+#: of values (vrp) finds nothing in floating-point numbers; without it, accelerations of 54
+#: coordinates compile in 10 s, not in more than 160 s.
 _FOR_LONG_SOURCES = (
     *("--param", "max-cselib-memory-locations=20"),
     *("-fno-tree-fre", "-fno-tree-pre", "-fno-rerun-cse-after-loop"),
@@ -78,9 +79,17 @@ def compiler() -> list[str]:
 
 
 def compile_library(sources: Sequence[str], library: Path, options: Sequence[str]) -> None:
-    """Compile sources of C to a shared library; later options override earlier ones.
+    """Compile sources of C to a shared library.
 
     Each source is compiled by a process of its own; as many run at once as there are processors.
+
+    Args:
+        sources: The C, file by file.
+        library: Where the library goes; intermediate files go beside it.
+        options: Options after the usual ones, which they override.
+
+    Raises:
+        CompilationError: If there is no compiler, or it fails.
     """
     from concurrent.futures import ThreadPoolExecutor  # slow to import
 
@@ -114,7 +123,7 @@ def _accepts(command: tuple[str, ...], options: tuple[str, ...]) -> bool:
 
 
 def _run(arguments: Sequence[str], result: Path) -> None:
-    """Run the compiler, which has to write a file."""
+    """Run the compiler with these arguments; it has to write the file `result`."""
     import subprocess
 
     command = [*compiler(), *arguments]
