@@ -34,9 +34,11 @@ def binding() -> ModuleType:
 
 
 def _missing() -> str:
+    """What to say if there is no extension module: what is wrong, and the cure."""
     package = _FOLDER.parent
     compiler = "a C compiler and Python's headers (on Debian: apt install gcc python3-dev)"
     cure = f"install {compiler} and run: {install_command()}"
     if (package.parent / "setup.py").is_file():
+        # In a clone, Python finds this package before an installed one that is compiled.
         cure += ", or start Python outside the clone"
     return f"the extension module is not compiled in {package}; {cure}"
