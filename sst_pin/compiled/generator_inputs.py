@@ -17,23 +17,32 @@ from ..model.tree import frame_named
 from .links import LinkTree
 from .symbolic_parameters import SymbolicParameters
 
-#: Configurations by which pivots are chosen.
+#: Number of configurations by which pivots are chosen.
 _SAMPLES = 8
 
 
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
-    """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
+    """Assembled configurations by which pivots are chosen, shape (samples, nq).
+
+    They are the same at each call. The first one is `near`, by default the robot's example; the
+    others are close to it or to one another.
+
+    Raises:
+        ClosureError: If `near` does not close the loops, or no configuration can be assembled.
+        SingularConfigurationError: If the first configuration is singular.
+    """
     reference.mechanism.require_freedom()
     assembly = reference.context.assembly
-    anywhere = near is None
+    is_default = near is None
     if near is None:
         near = reference.mechanism.example
     if near is None:
         near = next(examples(assembly))
     try:
+        # Refuses open loops and singular configurations.
         reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
     except SingularConfigurationError as error:
-        if anywhere:
+        if is_default:
             cure = "in another assembly mode give q: compile(q), casadi(q)"
             error.args = (f"{error.args[0]}; {cure}",)
         raise
@@ -57,13 +66,14 @@ def fingerprint(
 ) -> bytes:
     """All that kernels are made from, exactly; equal fingerprints mean equal code.
 
-    Closures and lines name frames, so the fingerprint has the placements of these.
+    It is a part of the names of files in the cache. Closures and lines name frames, so it has the
+    placements of these frames.
 
     Args:
         mechanism: The mechanism.
         parameters: Its symbolic parameters. Their values are no part of the code.
         near: The configuration near which pivots are chosen; by default the example.
-        frame: The frame of a quantity of a frame.
+        frame: Name of the frame, for a quantity of a frame.
         rows: The rows of a nonsmooth step.
     """
     model = mechanism.model
@@ -95,7 +105,7 @@ def fingerprint(
     if mechanism.lines.pull_only.any():
         of_cables = {
             "pull only": mechanism.lines.pull_only,
-            # Springs of cables are written out where they are stiff.
+            # The potential energy of a cable has another formula if the cable has a spring.
             "stiff": mechanism.lines.stiffness > 0,
         }
     frames = {name: frame_named(model, name) for name in sorted(named)}
@@ -117,7 +127,8 @@ def fingerprint(
         "motors on joints": mechanism.actuation,
         "scales": (mechanism.row_scale, mechanism.rate_scale, mechanism.length),
         "parameters": vars(parameters),
-        # Loads act at mass centres. Those of bodies whose masses are no symbols are numbers.
+        # External wrenches act at mass centres. Of bodies without symbolic masses, the mass centre
+        # is a number in the code.
         "levers": [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
         "frame": frame,
         "near": near,
