@@ -214,7 +214,7 @@ class CompiledBackend:
         except KeyError:
             pass
         if key.frame is not None:
-            frame_named(self._mechanism.model, key.frame)
+            frame_named(self._mechanism.model, key.frame)  # refuses an unknown frame
         if key.sign_width is not None:
             self._limit_widths()
         self._kernels[key] = self._new_kernel(key)
@@ -235,8 +235,8 @@ class CompiledBackend:
         """
         mechanism = self._mechanism
         kernel = self.kernel(Quantity("closing"))
-        # In two cases the closed configuration depends on the path to it, which the reference path
-        # knows: closures that constrain rates only, and joints of which only some rates are
+        # In two cases the solution depends on the way to it, and the reference path is asked: with
+        # closures that constrain rates only, and with joints of which only some rates are
         # coordinates.
         rates_only = any(isinstance(closure, (Rolling, Brake)) for closure in mechanism.closures)
         if kernel is None or rates_only or mechanism.held_in_part:

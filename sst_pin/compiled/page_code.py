@@ -139,13 +139,14 @@ def _walks(space: StateSpace, mechanism: Mechanism, start: Array) -> Iterator[Ar
     for _ in range(_WALKS):
         q = start
         for _ in range(_STEPS):
+            # A basis of the motions that keep the loops closed, free of units, in its columns.
             motions = free_motions(space.Phi(q))
             fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
             if fall.any():
                 fall = fall / np.linalg.norm(fall)
             direction = direction / np.linalg.norm(direction)
             direction = direction + _RANDOM * random.standard_normal(model.nv)
-            # The part that keeps the loops closed.
+            # Projected onto these motions.
             direction = motions @ (motions.T @ (direction + _FALL * fall))
             step = _STEP * direction / np.linalg.norm(direction) * mechanism.rate_scale
             good_space, _ = space.in_good_coordinates(q)
