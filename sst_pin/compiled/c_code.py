@@ -381,7 +381,7 @@ def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:
 def blanks_of_directions(along: Directions) -> dict[str, object]:
     """Texts for the blanks of the templates of kernels along directions, in C and in Warp.
 
-    The members of `pass` and `columns` in c/driver.h have the same meanings.
+    The members of `direction_pass` and `directional_kernel` in c/driver.h have the same meanings.
     """
     tables = list[str]()
     order = list[int]()
