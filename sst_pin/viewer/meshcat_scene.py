@@ -140,7 +140,7 @@ class MeshcatScene:
     def _placements(self, q: Array, effort: Array) -> dict[str, Array]:
         """Homogeneous matrices of all nodes that move."""
         matrices = self._scene.poses(q)
-        matrices |= {arrow.shape.node: arrow.at(effort) for arrow in self._scene.arrows}
+        matrices |= {arrow.shape.node: arrow.placement(effort) for arrow in self._scene.arrows}
         return {f"{_ROOT}/{node}": matrix for node, matrix in matrices.items()}
 
 

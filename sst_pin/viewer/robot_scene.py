@@ -151,8 +151,8 @@ class Scene:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)
         poses = {str(i): matrix for i, matrix in enumerate(joints)}
-        poses |= {place.node: place.at(joints) for place in self.contacts}
-        poses |= {strut.shape.mover: strut.at(joints) for strut in self.struts}
+        poses |= {place.node: place.placement(joints) for place in self.contacts}
+        poses |= {strut.shape.mover: strut.placement(joints) for strut in self.struts}
         return poses
 
     def outermost_points(self, q: Array, effort: Array, wanted: Array | None = None) -> Array:
@@ -175,8 +175,8 @@ class Scene:
                 add(shape, shape.at)
         largest = np.abs(effort).max(axis=0)
         for arrow in self.arrows:
-            add(arrow.shape, arrow.at(largest))
-            add(arrow.shape, arrow.at(-largest))
+            add(arrow.shape, arrow.placement(largest))
+            add(arrow.shape, arrow.placement(-largest))
 
         outermost = np.zeros((0, 3))
         if self.layers.get("trail"):

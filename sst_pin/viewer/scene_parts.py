@@ -94,7 +94,7 @@ class TorqueArrow(NamedTuple):
     share: float  #: Share of the motor's torque that acts here; the motor's largest share is 1.
     mirror: tuple[float, float, float]  #: Diagonal of the matrix that reverses the arrow.
 
-    def at(self, effort: Array) -> Array:
+    def placement(self, effort: Array) -> Array:
         """Placement of the arrow for an effort."""
         size = self.share * effort[self.motor]
         scale = np.full(3, _length(abs(size)))
@@ -111,7 +111,7 @@ class ForceArrow(NamedTuple):
     #: Way from the start of the arrow to the point of the force, in lengths of the shape along z.
     start: float = 0.0
 
-    def at(self, effort: Array) -> Array:
+    def placement(self, effort: Array) -> Array:
         """Placement of the arrow for an effort."""
         force = effort[self.first : self.first + 3]
         size = float(np.linalg.norm(force))
@@ -126,7 +126,7 @@ class ForceMark(NamedTuple):
     shape: Shape
     first: int  #: Index of the first component of the force in the effort.
 
-    def at(self, effort: Array) -> Array:
+    def placement(self, effort: Array) -> Array:
         """Placement of the mark for an effort."""
         acts = np.linalg.norm(effort[self.first : self.first + 3]) > _NOISE
         scale = 1.0 if acts else _SMALLEST
@@ -141,7 +141,7 @@ class ContactPlace(NamedTuple):
     ground: pin.Frame
     radius: float  #: Of the sphere about `frame`, zero for a point, [m].
 
-    def at(self, poses: Array) -> Array:
+    def placement(self, poses: Array) -> Array:
         """The point that touches, with the axes of the ground, for the placements of all joints.
 
         Shapes (4, 4), homogeneous, and (joints, 4, 4).
@@ -159,7 +159,7 @@ class Strut(NamedTuple):
     joints: tuple[int, int]  #: Joints whose bodies carry the ends.
     points: Array  #: The ends on these bodies, shape (2, 3), [m].
 
-    def at(self, poses: Array) -> Array:
+    def placement(self, poses: Array) -> Array:
         """Placement of the strut for placements of all joints, homogeneous, (joints, 4, 4)."""
         start = moved(self.points[:1], poses[self.joints[0]])[0]
         end = moved(self.points[1:], poses[self.joints[1]])[0]

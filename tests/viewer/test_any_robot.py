@@ -171,7 +171,7 @@ def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
         assert np.abs(effort[units == unit]).max() == pytest.approx(1)
     full = [np.linalg.norm(arrow.shape.at[:3, 0]) for arrow in arrows]
     for arrow, size in zip(arrows, full, strict=True):
-        matrix = arrow.at(effort)[:3, :3]
+        matrix = arrow.placement(effort)[:3, :3]
         shrunk = np.linalg.norm(matrix[:, 0]) / size
         assert shrunk == pytest.approx(max(np.sqrt(abs(effort[arrow.motor])), 1e-3))
         assert np.sign(np.linalg.det(matrix)) == (-1 if effort[arrow.motor] < 0 else 1)

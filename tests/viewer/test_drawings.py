@@ -188,7 +188,7 @@ def test_an_arrow_is_seen_beside_one_that_is_a_hundred_times_longer():
     viewer = Viewer(robot, pin.GeometryModel())
     arrows = viewer._scene.arrows
     small, _, large = (
-        np.linalg.norm(arrow.at(np.array([0.01, 0.0, 1.0]))[:3, 0]) for arrow in arrows
+        np.linalg.norm(arrow.placement(np.array([0.01, 0.0, 1.0]))[:3, 0]) for arrow in arrows
     )
     assert small == pytest.approx(0.1 * large)
 
