@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parts of a scene: meshes, shapes, arrows, struts and labels.
 
-A scene is a tree of nodes. A shape is a mesh on a mover, which is a body, a strut or a contact; the
-mover's placement changes with the configuration. Arrows and marks also change with the *effort*,
-which is the vector of all torques of motors, then forces of reactions and contacts, each as a share
-of the largest of its kind; `EffortLayout` has its order.
+A scene is a tree of nodes. Each shape is a mesh that is fixed to a *mover*: a body, a strut or a
+contact. The placement of a mover changes with the configuration. Placements are homogeneous
+matrices, shape (4, 4); those of arrows, marks and struts also scale their shapes.
+
+The size of an arrow changes with the *effort*, and so does the visibility of a mark. An effort is
+a vector of the torques of all motors, then the forces of reactions, then the forces of contacts,
+each as a share of the largest of its kind. `EffortLayout` has the order of its entries.
 """
 
 from typing import NamedTuple
@@ -18,9 +21,9 @@ from ..description.solids import axes_along
 
 #: Colour of lines, rods, wheels and other parts that are not coloured by what they do.
 GREY = "#8A9199"
-#: Smallest scale of an arrow; a scale of zero has no normals.
+#: Smallest scale of an arrow. With a scale of zero, the page could not compute surface normals.
 _SMALLEST = 1e-3
-#: Smallest length of a strut, [m]; a scale of zero has no normals.
+#: Smallest length of a strut, [m], for the same reason.
 _SHORTEST = 1e-9
 #: Smaller shares of the largest torque or force are rounding.
 _NOISE = 1e-6
@@ -34,15 +37,16 @@ class Mesh(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """A mesh that moves with a body, in a layer of shapes that are shown and hidden together."""
+    """A mesh that moves with its mover, in a layer of shapes that are shown and hidden together."""
 
-    mover: str  #: Number of the joint of its body, "0" for the base, or name of a strut.
+    #: Number of the joint that moves its body, "0" for the base; or name of a strut or contact.
+    mover: str
     layer: str
-    name: str  #: Name of the shape within both.
+    name: str  #: Name of the shape, unique in its layer of this mover.
     mesh: Mesh  #: In the axes of `at`.
     colour: str  #: As "#rrggbb".
     opacity: float = 1.0  #: 1 is opaque.
-    at: Array = np.eye(4)  #: Placement on what it moves with, homogeneous.
+    at: Array = np.eye(4)  #: Placement of the mesh in the frame of the mover.
 
     @property
     def node(self) -> str:
@@ -58,11 +62,11 @@ class EffortLayout(NamedTuple):
     contacts: int  #: Number of forces of contacts.
 
     def reaction(self, number: int) -> int:
-        """Index of the first component of a reaction."""
+        """Index in the effort of the first component of a reaction."""
         return self.motors + 3 * number
 
     def contact(self, number: int) -> int:
-        """Index of the first component of the force of a contact."""
+        """Index in the effort of the first component of the force of a contact."""
         return self.motors + 3 * (self.reactions + number)
 
     def efforts(self, torques: Array, reactions: Array | None, contacts: Array | None) -> Array:
@@ -82,20 +86,20 @@ class EffortLayout(NamedTuple):
 
 
 def _length(share: float) -> float:
-    """Length of an arrow for its share of the largest: the square root, so that all are seen."""
+    """Length of an arrow relative to the longest: the square root, so that small ones are seen."""
     return max(float(np.sqrt(share)), _SMALLEST) if share > _NOISE else _SMALLEST
 
 
 class TorqueArrow(NamedTuple):
-    """Torque of a motor at a joint: a shape whose size shows it."""
+    """The torque or force of a motor at a joint: an arrow whose size shows it."""
 
-    shape: Shape  #: At the largest torque.
-    motor: int  #: Its index in tau.
+    shape: Shape  #: As it is drawn for the largest torque.
+    motor: int  #: Index of the motor in tau.
     share: float  #: Share of the motor's torque that acts here; the motor's largest share is 1.
     mirror: tuple[float, float, float]  #: Diagonal of the matrix that reverses the arrow.
 
     def placement(self, effort: Array) -> Array:
-        """Placement of the arrow for an effort."""
+        """Placement of the arrow on its mover for an effort."""
         size = self.share * effort[self.motor]
         scale = np.full(3, _length(abs(size)))
         if size < 0:
@@ -104,15 +108,16 @@ class TorqueArrow(NamedTuple):
 
 
 class ForceArrow(NamedTuple):
-    """A force: an arrow along z whose size and direction show it."""
+    """A force: an arrow whose size and direction show it."""
 
-    shape: Shape  #: At the largest force, in the axes of the force.
-    first: int  #: Index of the first of its three components in the effort.
-    #: Way from the start of the arrow to the point of the force, in lengths of the shape along z.
+    shape: Shape  #: The arrow of the largest force, if this force points along z.
+    first: int  #: Index in the effort of the first of the force's three components.
+    #: Distance from the start of the arrow to the point where the force acts, along the arrow, in
+    #: units of the mesh. It is zero for an arrow that starts at this point.
     start: float = 0.0
 
     def placement(self, effort: Array) -> Array:
-        """Placement of the arrow for an effort."""
+        """Placement of the arrow on its mover for an effort."""
         force = effort[self.first : self.first + 3]
         size = float(np.linalg.norm(force))
         axes = _length(size) * along(force)
@@ -124,27 +129,30 @@ class ForceMark(NamedTuple):
     """A mark that is shown while a force acts."""
 
     shape: Shape
-    first: int  #: Index of the first component of the force in the effort.
+    first: int  #: Index in the effort of the first of the force's three components.
 
     def placement(self, effort: Array) -> Array:
-        """Placement of the mark for an effort."""
+        """Placement of the mark on its mover for an effort.
+
+        It makes the mark too small to be seen if no force acts.
+        """
         acts = np.linalg.norm(effort[self.first : self.first + 3]) > _NOISE
         scale = 1.0 if acts else _SMALLEST
         return np.asarray(self.shape.at @ np.diag([scale, scale, scale, 1.0]))
 
 
 class ContactPlace(NamedTuple):
-    """Where a contact touches its ground; its shapes move with the mover `node`."""
+    """Where a contact touches its ground: a mover, with the arrow and the mark of the force."""
 
-    node: str
-    frame: pin.Frame
-    ground: pin.Frame
-    radius: float  #: Of the sphere about `frame`, zero for a point, [m].
+    node: str  #: Name of this mover.
+    frame: pin.Frame  #: The frame on the body that touches.
+    ground: pin.Frame  #: The ground is the plane x, y of this frame.
+    radius: float  #: Radius of the sphere about `frame`, zero for a point, [m].
 
     def placement(self, poses: Array) -> Array:
-        """The point that touches, with the axes of the ground, for the placements of all joints.
+        """Placement in the world: the point that touches, and the axes of the ground.
 
-        Shapes (4, 4), homogeneous, and (joints, 4, 4).
+        `poses` has the placements of all joints, shape (joints, 4, 4).
         """
         frame = poses[self.frame.parentJoint] @ self.frame.placement.homogeneous
         ground = poses[self.ground.parentJoint] @ self.ground.placement.homogeneous
@@ -153,14 +161,17 @@ class ContactPlace(NamedTuple):
 
 
 class Strut(NamedTuple):
-    """A straight line between two points that move: its shape is one unit long, along z."""
+    """A straight part between two points that move, for instance a rod or a spring."""
 
-    shape: Shape  #: Its mover is the strut's own name.
+    shape: Shape  #: Its mesh goes from z = 0 to z = 1; its mover is the strut itself.
     joints: tuple[int, int]  #: Joints whose bodies carry the ends.
-    points: Array  #: The ends on these bodies, shape (2, 3), [m].
+    points: Array  #: The ends in the frames of these joints, shape (2, 3), [m].
 
     def placement(self, poses: Array) -> Array:
-        """Placement of the strut for placements of all joints, homogeneous, (joints, 4, 4)."""
+        """Placement in the world, which scales z to the distance between the ends.
+
+        `poses` has the placements of all joints, shape (joints, 4, 4).
+        """
         start = moved(self.points[:1], poses[self.joints[0]])[0]
         end = moved(self.points[1:], poses[self.joints[1]])[0]
         matrix = homogeneous(along(end - start), start)
@@ -175,7 +186,7 @@ class Label(NamedTuple):
     colour: str  #: As "#rrggbb".
     layer: str
     mover: str
-    point: Array  #: On what it moves with, shape (3,), [m].
+    point: Array  #: Position in the frame of the mover, shape (3,), [m].
 
 
 def moved(points: Array, at: Array) -> Array:
@@ -192,5 +203,5 @@ def homogeneous(R: Array, translation: Array) -> Array:
 
 
 def along(direction: Array) -> Array:
-    """Axes with z along a direction, or the identity for a zero vector; columns, shape (3, 3)."""
+    """Rotation matrix with the z axis along a direction; the identity for a zero vector."""
     return axes_along(direction) if direction.any() else np.eye(3)
