@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The scene of a robot for the viewers: shapes, arrows, labels, layers."""
+"""The scene of a robot: shapes, arrows, labels, layers, and where they are in a motion."""
 
 import numpy as np
 import pinocchio as pin
@@ -42,7 +42,7 @@ _PATH = "#A9B0B6"
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _ARROW = 0.45
-#: Directions in which the outermost points are found, and samples of a motion for them.
+#: Number of directions in which the outermost points are found, and of samples of a motion.
 _DIRECTIONS = 150
 _SAMPLES = 60
 #: Unit vectors are parallel if their cross product is smaller.
@@ -50,24 +50,25 @@ _PARALLEL = 1e-3
 
 
 class Scene:
-    """Shapes of a robot, in the order in which they are drawn; the arguments are as in `Viewer`.
+    """What is drawn of a robot, and where it is in a configuration.
 
-    At first skeleton and masses are visible only if the bodies have no shapes. `scene_parts`
-    explains shapes, arrows, movers and efforts.
+    The arguments are as in `Viewer`. `scene_parts` explains shapes, arrows, movers and efforts.
 
     Attributes:
         start: The first configuration, shape (nq,).
-        size: A length of the robot, [m].
+        size: A length of the robot, [m], to which lines, axes and arrows are scaled.
         point: The frame whose path is drawn, or None.
         shapes: All shapes that do not change with the effort; those of the bodies come first.
         struts: Shapes that run from one body to another.
-        contacts: Places of the contacts, which move as no body does.
-        layout: The order of an effort.
+        contacts: Places of the contacts. They are movers of their own, because the point of a
+            sphere that touches the ground is not fixed to the body.
+        layout: The order of the entries of an effort.
         arrows: Torques of the motors, then forces of reactions, then forces of contacts.
         labels: Words in the scene.
         layers: The layers of this scene, and whether each is shown at first.
-        face: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
-        ground: Height of the plane of all contacts in the world, if it is one level plane, or None.
+        face: Direction from a planar robot to a camera that sees it face-on; None for other robots.
+        ground: Height of the ground, [m], if all contacts with the world are on one level plane;
+            else None.
     """
 
     def __init__(
@@ -88,7 +89,7 @@ class Scene:
         self.start = start_of(robot.engine, chosen=True)  # without a warning that home is missing
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
 
-        # Shapes of the bodies, and the size of the robot, which is that of these shapes.
+        # Shapes of the bodies, and the size of the robot.
         bodies = robot.visual_model if visual_model is None else visual_model
         shapes_of_bodies = list[Shape]()
         for body in bodies.geometryObjects:
@@ -96,7 +97,7 @@ class Scene:
         self.size = self._size(robot, shapes_of_bodies)
         size = self.size
 
-        # Other shapes. A joint has the colour of its first motor.
+        # Other shapes. Colours of joints, by number: a joint has the colour of its first motor.
         rate_axes = axes_of(model, self.start)
         colours = dict[int, str]()
         for rate, motor in np.argwhere(robot.actuation):
@@ -117,7 +118,7 @@ class Scene:
         scale = _ARROW * size
         self.layout = EffortLayout(
             motors=len(robot.motor_names),
-            reactions=model.njoints - 1 + len(robot.closures) if reactions else 0,
+            reactions=(model.njoints - 1 + len(robot.closures)) if reactions else 0,
             contacts=len(self.contacts),
         )
         self.arrows: list[TorqueArrow | ForceArrow | ForceMark] = list(
@@ -127,9 +128,11 @@ class Scene:
             self.arrows += reaction_arrows(robot, self.layout, scale)
         self.arrows += contact_arrows(self.contacts, self.layout, scale)
 
-        # View, floor and layers.
+        # View and floor.
         self.face = self._face(rate_axes)
         self.ground = self._ground()
+
+        # Layers. At first skeleton and masses are shown only if the bodies have no shapes.
         is_shown = dict.fromkeys(LAYERS, True)
         is_shown["skeleton"] = not shapes_of_bodies
         is_shown["inertia"] = not shapes_of_bodies and self.face is None
@@ -148,7 +151,7 @@ class Scene:
         return [shape for shape in self.shapes if shape.layer == layer and shape.mover != "0"]
 
     def poses(self, q: Array) -> dict[str, Array]:
-        """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
+        """Placements of all movers in the world, by name, for one configuration q."""
         joints = self._joints(q)
         poses = {str(i): matrix for i, matrix in enumerate(joints)}
         poses |= {place.node: place.placement(joints) for place in self.contacts}
@@ -158,12 +161,18 @@ class Scene:
     def outermost_points(self, q: Array, effort: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
+        First each mover's outermost points are found in its own frame, and then those of all movers
+        in the world at samples of the motion.
+
         Args:
             q: Configurations, shape (n, nq).
             effort: Efforts, shape (n, size).
             wanted: Configurations of the reference path; q by default.
+
+        Returns:
+            Points in the world, shape (k, 3), [m].
         """
-        # The outermost points of each mover's shapes; arrows are at their largest in both senses.
+        # Points on each mover. Each arrow is as long as it becomes in the motion, both ways.
         points_of_movers: dict[str, list[Array]] = {}
 
         def add(shape: Shape, at: Array) -> None:
@@ -178,6 +187,7 @@ class Scene:
             add(arrow.shape, arrow.placement(largest))
             add(arrow.shape, arrow.placement(-largest))
 
+        # Points in the world.
         outermost = np.zeros((0, 3))
         if self.layers.get("trail"):
             outermost = self._path(q if wanted is None else np.vstack([q, wanted]))
@@ -199,7 +209,11 @@ class Scene:
         return Shape("0", "trail", "path", tube(self._path(q), 0.004 * self.size), _PATH)
 
     def _face(self, axes: list[RateAxis]) -> list[float] | None:
-        """The normal of a robot whose joints all move it in parallel planes, else None."""
+        """The normal of the plane of motion of a planar robot, shape (3,); None for other robots.
+
+        A robot is planar if all its rotations are about parallel axes and all its slides are normal
+        to them.
+        """
         joints = self._joints(self.start)
         rotation_axes = []
         slide_axes = []
@@ -216,11 +230,12 @@ class Scene:
             return None
         if any(abs(d @ normal) > _PARALLEL for d in slide_axes):
             return None
-        # From above, from the front, or from the right: the views of technical drawings.
+        # Of both sides of the plane, the camera takes the one that technical drawings show: from
+        # above (z), from the front (-y), or from the right (x).
         sign = 1.0 if normal @ (1, -1, 1) > 0 else -1.0
         x, y, z = sign * normal
         if np.hypot(x, y) < _PARALLEL:
-            y = -1e-4  # a view from above needs a direction that is up
+            y = -1e-4  # seen straight from above, no direction in the picture would be upwards
         return [float(x), float(y), float(z)]
 
     def _ground(self) -> float | None:
@@ -239,7 +254,7 @@ class Scene:
         return np.array([at.homogeneous for at in self._data.oMi])
 
     def _path(self, q: Array) -> Array:
-        """Positions of the point at configurations q, shape (n, nq): (n, 3), [m]."""
+        """Positions of the point in the world, shape (n, 3), [m], for q of shape (n, nq)."""
         assert self.point is not None
         poses = np.array([self._joints(x)[self.point.joint] for x in q])
         return poses[:, :3, :3] @ self.point.placement.translation + poses[:, :3, 3]
@@ -262,13 +277,15 @@ class Scene:
 
 
 def _farthest(points: Array) -> Array:
-    """Points, shape (n, 3), that lie farthest out in one of many directions.
+    """Those of the points, shape (n, 3), that lie farthest out in one of many directions.
 
-    The directions are evenly spread over the sphere: a Fibonacci lattice, whose points are on a
-    spiral from pole to pole, each turned by the golden ratio of a turn from the one before.
+    The directions are evenly spread over the sphere, as a Fibonacci lattice: z decreases in equal
+    steps from pole to pole, and the angle about z grows by 2 pi times the golden ratio.
     """
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
-    turn = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)  # 2 pi times the golden ratio
+    # The golden ratio is (1 + sqrt(5)) / 2.
+    angle = np.pi * (1 + np.sqrt(5)) * np.arange(_DIRECTIONS)
     r = np.sqrt(1 - z**2)
-    directions = np.stack([r * np.cos(turn), r * np.sin(turn), z])
-    return points[np.unique((points @ directions).argmax(axis=0))]
+    directions = np.stack([r * np.cos(angle), r * np.sin(angle), z])  # shape (3, directions)
+    farthest = (points @ directions).argmax(axis=0)
+    return points[np.unique(farthest)]
