@@ -18,14 +18,17 @@ from .scene_parts import Shape
 
 #: Name of the robot's node in the tree of the page.
 _ROOT = "robot"
-#: Name of the ghost's node below it, and of its only layer.
+#: Name of the ghost, which is a node below the robot. Its shapes are in one layer of this name.
 _GHOST = "ghost"
 #: Opacity of the ghost.
 _FAINT = 0.3
 
 
 class CommandBuffer:
-    """A window for `meshcat.Visualizer` that keeps the last command for every node."""
+    """Stands for Meshcat's connection to a browser, and keeps the last command for every node.
+
+    `meshcat.Visualizer` calls it a window.
+    """
 
     def __init__(self) -> None:
         #: Packed commands for the page, by type, node and property.
@@ -39,12 +42,16 @@ class CommandBuffer:
         path = lowered.get("path", "")
         packed = umsgpack.packb(lowered)
         if kind == "delete":
-            for key in [key for key in self.commands if f"{key[1]}/".startswith(f"{path}/")]:
-                del self.commands[key]
+            # The commands of this node and of all nodes below it.
+            for key in list(self.commands):
+                _, node, _ = key
+                if f"{node}/".startswith(f"{path}/"):
+                    del self.commands[key]
         else:
+            # The new command goes to the end, so that an animation follows the nodes that it moves.
             key = (kind, path, lowered.get("property", ""))
             self.commands.pop(key, None)
-            self.commands[key] = packed  # at the end: an animation follows the nodes it moves
+            self.commands[key] = packed
         if self.listener is not None:
             self.listener(packed)
 
@@ -56,7 +63,8 @@ class MeshcatScene:
         self.buffer = CommandBuffer()
         self._scene = scene
         self._root = meshcat.Visualizer(window=self.buffer)
-        for node in ("/Grid", "/Axes", "/Lights"):  # the page has its own
+        # The page has a grid and lights of its own.
+        for node in ("/Grid", "/Axes", "/Lights"):
             self._root[node].set_property("visible", False)
         for shape in (*scene.shapes, *(arrow.shape for arrow in scene.arrows)):
             self._add(shape)
@@ -85,7 +93,7 @@ class MeshcatScene:
         """
         self.place(motion.q[0], effort[0])
         self._animated = True
-        animation = Animation(default_framerate=1)  # its frames are seconds
+        animation = Animation(default_framerate=1)  # so that a frame number is a time, [s]
         matrices_of_samples = []
         for q, shares in zip(motion.q, effort, strict=True):
             matrices_of_samples.append(self._placements(q, shares))
@@ -98,7 +106,7 @@ class MeshcatScene:
         self._root.set_animation(animation)
 
     def _add_ghost(self, animation: Animation, configurations: Array, times: Array) -> None:
-        """Add a translucent robot, and keys for its configurations at some times."""
+        """Add a translucent robot, and keyframes for its configurations at some times, [s]."""
         movers = list[str]()
         for shape in self._scene.moving:
             mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
@@ -119,11 +127,12 @@ class MeshcatScene:
     def _add_keys(
         self, animation: Animation, times: Array, matrices_of_samples: list[dict[str, Array]]
     ) -> None:
-        """Add keys to an animation, for homogeneous matrices of nodes at some times."""
+        """Add keyframes to an animation, for homogeneous matrices of nodes at some times, [s]."""
         for node in matrices_of_samples[0]:
             key = animation.at_frame(self._root[node], 0.0)
             for name, kind, values in _tracks([matrices[node] for matrices in matrices_of_samples]):
-                for key.current_frame, value in zip(times.tolist(), values, strict=True):
+                for time, value in zip(times.tolist(), values, strict=True):
+                    key.current_frame = time
                     key.set_property(name, kind, value)
 
     def _add(self, shape: Shape) -> None:
@@ -145,19 +154,20 @@ class MeshcatScene:
 
 
 def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]]]:
-    """Name, type and values over time of position, quaternion x, y, z, w, and scale.
+    """Tracks of a node: name, type and values over time. Values that do not change are left out.
 
-    Values that do not change are left out.
+    They are the position, the orientation as a quaternion x, y, z, w, and the scale of each axis.
     """
-    # The columns of A are axes of the node times its scales. The axes of a quaternion are
-    # right-handed, so that a mirrored node has a negative scale.
+    # A = R diag(scale): the lengths of the columns of A are the scales, shape (n, 3). A mirrored
+    # node has a negative determinant; a negative scale along y makes R a rotation.
     A = np.array(matrices)[:, :3, :3]
     scale = np.linalg.norm(A, axis=1)
     scale[np.linalg.det(A) < 0, 1] *= -1
+    R = A / scale[:, None, :]
     position = np.array(matrices)[:, :3, 3]
     for name, kind, values in (
         ("position", "vector3", position),
-        ("quaternion", "quaternion", Rotation.from_matrix(A / scale[:, None]).as_quat()),
+        ("quaternion", "quaternion", Rotation.from_matrix(R).as_quat()),
         ("scale", "vector3", scale),
     ):
         if (np.ptp(values, axis=0) > 1e-12).any():  # less is rounding of numbers near one
