@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Torques and forces as shares of the largest, with their curves and notes for a page."""
+"""Torques and forces as shares of the largest, for arrows, with curves and notes for a page.
+
+The length of an arrow depends on the share that its torque or force has of the largest one. So a
+share is between 0 and 1; a torque's share has the sign of the torque.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags
@@ -15,14 +20,15 @@ from ..errors import ActuationError, ClosureError, SingularConfigurationError
 from ..summaries import listed, three_digits
 from .curve_sets import contacts_of, forces_of
 
-#: The longest arrow of a contact, in weights of the robot, if a force is larger.
+#: The longest arrow of a contact shows at most this force, as a multiple of the robot's weight.
 _MOST_WEIGHTS = 2.0
 
 
 class ShownForces(NamedTuple):
     """Forces of some samples, as the page shows them."""
 
-    shares: Array | None  #: As shares of the largest, shape (n, forces, 3); None without arrows.
+    #: Forces as vectors, divided by the largest, shape (n, forces, 3); None for no arrows.
+    shares: Array | None
     curves: list[dict[str, Any]]
     note: str  #: A text below the curves.
 
@@ -31,26 +37,34 @@ NO_FORCES = ShownForces(None, [], "")
 
 
 def torque_shares(robot: ClosedChain, tau: Array) -> Array:
-    """Torques as shares of the largest torque, forces as shares of the largest force."""
+    """Motor torques of n samples, each divided by the largest of all motors with the same unit.
+
+    So torques are compared with torques and forces with forces. Both shapes are (n, motors).
+    """
     shares = np.zeros_like(tau)
     units = np.array(robot.motor_units)
     for unit in set(robot.motor_units):
-        of_unit = units == unit
-        largest = np.abs(tau[:, of_unit]).max(initial=0.0)
-        shares[:, of_unit] = tau[:, of_unit] / (largest or 1.0)
+        has_unit = units == unit
+        largest = np.abs(tau[:, has_unit]).max(initial=0.0)
+        shares[:, has_unit] = tau[:, has_unit] / (largest or 1.0)
     return shares
 
 
+def moving_mass(model: pin.Model) -> float:
+    """Mass of all moving bodies, [kg]; the first body of a model is fixed to the world."""
+    return sum(float(body.mass) for body in model.inertias[1:])
+
+
 def contact_forces(robot: ClosedChain, forces: Array) -> ShownForces:
-    """Forces of contacts, shape (n, contacts, 3), as shares of the longest arrow."""
+    """Forces of contacts, shape (n, contacts, 3), as shares of the longest arrow's force."""
     sizes = np.linalg.norm(forces, axis=2, keepdims=True)
     largest = float(sizes.max(initial=0.0))
     if largest == 0:
         return ShownForces(forces, [contacts_of(robot, forces)], "No forces on contacts.")
-    # An impact is hundreds of times larger than the forces of standing: longer arrows are cut.
+    # The force of an impact is hundreds of times larger than the forces of a robot that stands.
+    # If it had the longest arrow, the others would not be seen. So arrows have a greatest length.
     model = robot.mechanism.model
-    mass = sum(body.mass for body in model.inertias[1:])  # the first one is fixed to the world
-    weight = float(np.linalg.norm(model.gravity.linear)) * mass
+    weight = float(np.linalg.norm(model.gravity.linear)) * moving_mass(model)
     longest = largest
     if weight > 0:
         longest = min(largest, _MOST_WEIGHTS * weight)
@@ -59,6 +73,7 @@ def contact_forces(robot: ClosedChain, forces: Array) -> ShownForces:
         f"Green arrows: forces on what touches a ground; the longest is "
         f"{three_digits(longest)}\xa0N{more}. Lengths grow with the square root."
     )
+    # A force above `longest` becomes a unit vector.
     shares = forces / np.maximum(sizes, longest)
     return ShownForces(shares, [contacts_of(robot, forces)], note)
 
@@ -78,9 +93,11 @@ def reaction_forces(
     engine = robot.engine
     try:
         w = engine.reactions(q, va, aa, tau, stiffness)
+        # Wrenches are [force; moment]; components that are not unique are NaN.
         forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
-        is_unknown = np.isnan(forces).any(axis=0)  # components of each force, in any sample
-        # Number of directions in which each force is not unique, in any sample.
+        # Whether each component of each force is not unique in some sample, shape (forces, 3).
+        is_unknown = np.isnan(forces).any(axis=0)
+        # Largest number of directions in which each force is not unique, of all samples.
         unknown_directions = np.zeros(len(w.names))
         if is_unknown.any():
             # In a planar robot the unique parts are the forces in its plane.

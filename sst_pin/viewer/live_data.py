@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Data of a robot for a page that computes; the names are those of its scripts.
+"""Data of a robot for a live page, which computes the robot's motion in the browser.
 
-`live.js` reads the sliders and the drawing, `engine.js` and `nonsmooth.js` in `compiled` read the
-state, the scales and the limits. Matrices are listed column by column, as in WebGL.
+The keys are the names that the scripts of the page use. `live.js` reads the data of sliders and of
+the drawing; `engine.js` and `nonsmooth.js`, in `compiled`, read the state, the scales and the
+limits. Matrices are listed column by column, as in WebGL.
 """
 
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from ..closed_chain import ClosedChain
 from ..model.conventions import EARTH_GRAVITY
 from ..simulation.check import LARGEST_CONDITION, limit_tolerances
 from .curve_sets import torques_of
+from .force_shares import moving_mass
 from .robot_scene import Scene
 from .scene_parts import ForceArrow, TorqueArrow
 
@@ -28,15 +30,18 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     mechanism = robot.mechanism
     model = mechanism.model
     space = mechanism.space
-    # The times of the page scale with gravity.
+    # Time constants and forces of the page scale with gravity. A robot without gravity has them
+    # as on Earth.
     gravity = float(np.linalg.norm(model.gravity.linear)) or EARTH_GRAVITY
-    weight = gravity * sum(body.mass for body in model.inertias)
+    weight = gravity * moving_mass(model)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
-    # Infinite limits become finite: infinity times a factor of zero is not a number.
+    # B^T times the limits of the joints, with the sizes of the entries of B. Infinite limits become
+    # finite first, because infinity times an entry of zero is not a number.
     joint_limits = np.minimum(model.effortLimit, 10 * _FAR)
     motor_limits = (np.abs(mechanism.actuation).T @ joint_limits).tolist()
     motors["limits"] = [limit if 0 < limit < _FAR else None for limit in motor_limits]
-    # The largest torque of a slider: the weight of the robot at half of its length.
+    # The end of a motor's slider: the weight as a force, or the weight at half of the robot's
+    # length as a torque.
     largest = [weight * (scene.size / 2 if unit == "N m" else 1) for unit in motors["units"]]
     return {
         # The state and the scales of positions and rates.
@@ -46,8 +51,8 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
         "fall": gravity,
         "weight": weight,
         "nv": model.nv,
-        "scales": [scene.size if unit == "m" else 1.0 for unit in space.position_units],
-        "rate_scales": [scene.size if unit == "m" else 1.0 for unit in space.rate_units],
+        "scales": [_scale(unit, scene.size) for unit in space.position_units],
+        "rate_scales": [_scale(unit, scene.size) for unit in space.rate_units],
         # Sliders and limits.
         "motors": motors,
         "largest": largest,
@@ -65,11 +70,20 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     }
 
 
+def _scale(unit: str, size: float) -> float:
+    """The typical size of a position or rate: the robot's length for lengths, 1 for angles."""
+    return size if unit == "m" else 1.0
+
+
 def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str, Any]]:
     """Sliders of the coordinates.
 
-    The kind of a slider is "position", an entry i of q; "angle", a cosine and a sine from i on; or
-    "rate", one of several rates of a joint, which moves while the slider is held.
+    A slider is of one of three kinds:
+
+    - "position" sets q[i].
+    - "angle" sets the cosine q[i] and the sine q[i + 1] of a continuous joint.
+    - "rate" sets one of several rates of a joint whose position starts at q[i], for instance of a
+      ball. The joint moves while the slider is held.
     """
     model = robot.mechanism.model
     space = robot.mechanism.space
@@ -80,11 +94,11 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
     for k in space.rates_of(robot.coordinates).tolist():
         joint = joint_of_rate[k]
         unit = space.rate_units[k]
-        # A slider without limits is a turn, or four lengths of the robot.
+        # The range of a joint without limits is a turn, or four lengths of the robot.
         half_range = np.pi if unit == "rad" else 2 * size
         if joint.nq == joint.nv:
             kind = "position"
-            i = joint.idx_q + k - joint.idx_v
+            i = joint.idx_q + (k - joint.idx_v)
             low, high = _ends_of_slider(model, i, float(q[i]), half_range, unit)
         else:
             kind = "angle" if joint.nv == 1 else "rate"
@@ -98,17 +112,21 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
             "i": i,
             "low": low,
             "high": high,
-            "scale": size if unit == "m" else 1.0,
+            "scale": _scale(unit, size),
         }
 
 
 def _ends_of_slider(
     model: pin.Model, i: int, start: float, half_range: float, unit: str
 ) -> tuple[float, float]:
-    """Both ends of the slider of entry i of q; its start is on it, even beyond the limits."""
+    """Both ends of the slider of q[i]: the limits of q[i], or a default range.
+
+    The range is extended to `start` if `start` is beyond a limit.
+    """
     low = float(model.lowerPositionLimit[i])
     high = float(model.upperPositionLimit[i])
-    if max(abs(low), abs(high)) >= 2 * half_range:  # not limited, or too little to be seen
+    # The default range, if there are no limits, or if they are too far for a useful slider.
+    if max(abs(low), abs(high)) >= 2 * half_range:
         middle = 0.0 if unit == "rad" else start
         low = middle - half_range
         high = middle + half_range
@@ -116,9 +134,9 @@ def _ends_of_slider(
 
 
 def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
-    """Limits of joints that turn about one axis or slide along one.
+    """Stops: limits of hinges and slides, which the simulation of the page does not pass.
 
-    A start beyond a limit moves the limit there.
+    If a joint starts beyond a limit, the limit is moved to the start.
     """
     model = robot.mechanism.model
     for joint in list(model.joints)[1:]:
@@ -129,10 +147,12 @@ def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
         high = float(model.upperPositionLimit[i])
         if low <= -_FAR and high >= _FAR:
             continue
+        # S is the joint's twist for the rate 1: [linear; angular].
         linear, angular = np.split(np.ravel(joint.createData().S), 2)
-        is_revolute = not linear.any()
-        if not is_revolute and angular.any():  # a screw
+        is_helical = linear.any() and angular.any()
+        if is_helical:
             continue
+        is_revolute = not linear.any()
         yield {
             "i": i,
             "body": joint.id,
@@ -145,7 +165,10 @@ def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
 
 
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
-    """Limits of the joints' positions, and of arcs that they run on, with their tolerances."""
+    """Limits of positions about which the page warns, with their tolerances.
+
+    They are the limits of the joints, and of the arcs that joints run on.
+    """
     model = robot.mechanism.model
     tolerances = limit_tolerances(robot.mechanism).tolist()
     kinds = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
@@ -205,6 +228,7 @@ def _contacts(scene: Scene) -> Iterator[dict[str, Any]]:
 
 def _contact_arrows(scene: Scene) -> Iterator[dict[str, Any]]:
     """Arrows and marks of the forces of contacts; the start of a mark is None."""
+    # An arrow belongs to contact k if its force begins at entry first_contact + 3 k of the effort.
     first_contact = scene.layout.contact(0)
     for arrow in scene.arrows:
         if not isinstance(arrow, TorqueArrow) and arrow.first >= first_contact:
