@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arrows of torques and forces: of motors, of joints and closures, of contacts."""
+"""Arrows of torques and forces: of motors, of joints and closures, of contacts.
+
+The sizes in this module are relative to a length `scale` [m], which depends on the robot. The page
+scales an arrow to its share of the largest torque or force (`scene_parts`).
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -29,45 +33,51 @@ from .triangles import arrow, circle, solid
 
 _FORCE = "#263238"
 _CONTACT = "#00796B"
-#: Length of the arrow of a force, in the scale of the largest arrow, and where its head begins.
+#: Length of the arrow of a force, and the part of it before the head.
 _LENGTH = 2.0
 _HEAD = 0.7
-#: Radii of the shafts of arrows, in the same scale.
+#: Radii of the shafts of arrows.
 _MOTOR_RADIUS = 0.055
 _FORCE_RADIUS = 0.04
-#: The bow of a torque, and the angle of its head, [rad].
-_BOW = np.radians(250)
-_BOW_HEAD = 0.6
-#: Distance of the arrow of a motor from the axis of its slide, in the same scale.
+#: The arrow of a torque is an arc of a unit circle: angles of its shaft and its head, [rad].
+_SHAFT_ANGLE = np.radians(250)
+_HEAD_ANGLE = 0.6
+#: Distance of the arrow of a motor from the axis of its slide.
 _BESIDE_SLIDE = 0.35
-#: Motors that are closer meet, as in spherical robots; then the arrows move away from the centre.
+#: Motors that are closer than this have arrows at one place, for instance in the centre of a
+#: spherical robot. Their arrows are then moved along their axes, away from this place.
 _MEETING = 0.1
 _FROM_CENTRE = 0.93
-#: Radius of the mark of a contact, and of a sphere that would hide the arrow of its contact, in the
-#: same scale.
+#: Radius of the mark of a contact.
 _MARK_RADIUS = 0.08
+#: A sphere with a larger radius would hide the arrow of its contact.
 _HIDING_RADIUS = 0.2
 
 
 def torque_arrows(
     model: pin.Model, q: Array, axes: Sequence[RateAxis], B: Array, scale: float
 ) -> Iterator[TorqueArrow]:
-    """Arrows of the motor torques, at the joints that the motors act on by B, shape (nv, motors).
+    """Arrows of the motor torques and forces, at the joints on which the motors act.
 
-    `axes` are the axes of all rates at the configuration q; `scale` is that of the largest arrow,
-    [m].
+    Args:
+        model: The model of the robot.
+        q: Configuration at which the distances between motors are judged, shape (nq,).
+        axes: The axis of each rate at q.
+        B: Matrix from the motor torques to the torques along the rates, shape (nv, motors).
+        scale: Scale of the largest arrow, [m].
     """
-    bow = np.linspace(0, _BOW, 40)
-    torque = arrow(circle([*bow, bow[-1] + _BOW_HEAD]), _MOTOR_RADIUS)
+    shaft_angles = np.linspace(0, _SHAFT_ANGLE, 40)
+    torque = arrow(circle([*shaft_angles, _SHAFT_ANGLE + _HEAD_ANGLE]), _MOTOR_RADIUS)
     force = _straight_arrow(_MOTOR_RADIUS)
     data = model.createData()
     pin.forwardKinematics(model, data, q)
-    places = np.array([data.oMi[axis.mover].act(axis.origin) for axis in axes])
-    driven = np.flatnonzero(B.any(axis=1))
+    origins = np.array([data.oMi[axis.mover].act(axis.origin) for axis in axes])
+    driven_origins = origins[B.any(axis=1)]
     for rate, motor in np.argwhere(B):
         axis = axes[rate]
         axes_along = along(axis.direction)
-        distances = np.linalg.norm(places[driven] - places[rate], axis=1)
+        distances = np.linalg.norm(driven_origins - origins[rate], axis=1)
+        # One of the distances is zero: that of this rate from itself.
         meets_others = np.count_nonzero(distances < _MEETING * scale) > 1
         if axis.turns:
             mesh = torque
@@ -87,9 +97,11 @@ def torque_arrows(
 
 
 def reaction_arrows(robot: ClosedChain, layout: EffortLayout, scale: float) -> Iterator[ForceArrow]:
-    """Arrows of the forces of `reactions`: of parents on children in joints, of A on B in closures.
+    """Arrows of the reaction forces: in joints and then in closures, as in `ClosedChain.reactions`.
 
-    Couplings and brakes have no place, and so no arrow. `scale` is that of the largest arrow, [m].
+    In a joint it is the force of the parent on the child, in a closure that of frame A on frame B.
+    The forces of couplings and brakes act at no single point, so they have no arrow. `scale` is the
+    scale of the largest arrow, [m].
     """
     model = robot.mechanism.model
     mesh = _straight_arrow(_FORCE_RADIUS)
@@ -137,10 +149,10 @@ def contact_spheres(places: Sequence[ContactPlace]) -> Iterator[Shape]:
 def contact_arrows(
     places: Sequence[ContactPlace], layout: EffortLayout, scale: float
 ) -> Iterator[ForceArrow | ForceMark]:
-    """An arrow and a mark for each contact that acts: the force of the ground on the body.
+    """An arrow and a mark for each contact; they show the force of the ground on the body.
 
-    The arrow starts at the place; at a large sphere it ends there, because the sphere would hide
-    it. `scale` is that of the largest arrow, [m].
+    The arrow starts at the point that touches the ground. With a large sphere it ends there,
+    because the sphere would hide it. `scale` is the scale of the largest arrow, [m].
     """
     mesh = _straight_arrow(_FORCE_RADIUS)
     ball = solid(coal.Sphere(_MARK_RADIUS * scale))
@@ -154,5 +166,5 @@ def contact_arrows(
 
 
 def _straight_arrow(radius: float) -> Mesh:
-    """An arrow from the origin along z."""
+    """An arrow of a force, from the origin along z."""
     return arrow([(0, 0, 0), (0, 0, _HEAD * _LENGTH), (0, 0, _LENGTH)], radius)
