@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The skeleton of a robot: its joints, lines between them, ends of loops; ellipsoids of masses."""
+"""The skeleton of a robot (joints, lines between them, ends of loops), and ellipsoids of inertia.
+
+Sizes are relative to `size`, a length of the robot [m].
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -22,20 +25,24 @@ _MASS = "#C98A2B"
 BONE_RADIUS = 0.022
 _JOINT_RADIUS = 0.055
 _END_RADIUS = 0.04
-#: Points of a body that are closer are one point, [m].
+#: Points of a body that are closer than this are one point, [m].
 _SAME_POINT = 1e-9
 #: The least square of a semi-axis of an ellipsoid, relative to the largest, so that it has volume.
 _THINNEST = 1e-4
-#: Frames of fixed links and of points, such as a foot or a tool.
-_ENDS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+#: Types of frames of fixed links and of points, such as a foot or a tool.
+_POINTS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 
 
 def skeleton(
     robot: ClosedChain, axes: Sequence[RateAxis], colours: Mapping[int, str], size: float
 ) -> Iterator[Shape]:
-    """Joints, lines from each to the other points of its body, ends of loops, wheels.
+    """Lines between joints and other points of each body, joints, ends of loops, wheels.
 
-    `axes` has the axis of each rate, `colours` the colours of joints by number.
+    Args:
+        robot: The robot.
+        axes: The axis of each rate.
+        colours: Colours of joints, by number; other joints are grey.
+        size: A length of the robot, [m].
     """
     yield from _lines(robot, size)
     yield from _joints(robot.mechanism.model, axes, colours, size)
@@ -44,9 +51,11 @@ def skeleton(
 
 
 def _lines(robot: ClosedChain, size: float) -> Iterator[Shape]:
-    """Lines from the joint of each body, or for the base from the middle of its points."""
+    """Lines from the joint of each body to its other points; from their middle for the base."""
     for joint, points in enumerate(joined_points(robot)):
-        hub = np.mean(points, axis=0) if joint == 0 and points else np.zeros(3)
+        hub = np.zeros(3)
+        if joint == 0 and points:
+            hub = np.mean(points, axis=0)
         for i, point in enumerate(points):
             if np.linalg.norm(point - hub) > _SAME_POINT:
                 line = tube([hub, point], BONE_RADIUS * size)
@@ -59,18 +68,18 @@ def _joints(
     """A cylinder about the axis of a hinge, a box along a slide, spheres for other joints."""
     r = _JOINT_RADIUS * size
     for joint in range(1, model.njoints):
-        of_joint = [axis for axis in axes if axis.joint == joint]
+        axes_of_joint = [axis for axis in axes if axis.joint == joint]
         colour = colours.get(joint, _JOINT)
-        carrier = joint
+        mover = joint
         at = np.eye(4)
-        drawn: coal.ShapeBase = coal.Sphere(r)
-        if len(of_joint) == 1:
-            (axis,) = of_joint
-            carrier = axis.mover
+        geometry: coal.ShapeBase = coal.Sphere(r)
+        if len(axes_of_joint) == 1:
+            (axis,) = axes_of_joint
+            mover = axis.mover
             at = homogeneous(along(axis.direction), axis.origin)
-            drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
+            geometry = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
         name = f"joint_{model.names[joint]}"
-        yield Shape(str(carrier), "skeleton", name, solid(drawn), colour, at=at)
+        yield Shape(str(mover), "skeleton", name, solid(geometry), colour, at=at)
 
 
 def _ends_of_loops(robot: ClosedChain, size: float) -> Iterator[Shape]:
@@ -83,7 +92,7 @@ def _ends_of_loops(robot: ClosedChain, size: float) -> Iterator[Shape]:
 
 
 def _wheels(robot: ClosedChain) -> Iterator[Shape]:
-    """Wheels and balls that roll."""
+    """Wheels and balls of `Rolling` closures."""
     for closure in robot.closures:
         if isinstance(closure, Rolling):
             frame = frame_named(robot.mechanism.model, closure.wheel)
@@ -95,7 +104,7 @@ def _wheels(robot: ClosedChain) -> Iterator[Shape]:
 
 
 def _end_frames(robot: ClosedChain) -> Iterator[pin.Frame]:
-    """The frames that closures hold together or at a distance."""
+    """The frames that closures hold together, or at a constant distance."""
     for closure in robot.closures:
         if isinstance(closure, (Closure, Distance)):
             for name in (closure.frame_a, closure.frame_b):
@@ -103,9 +112,11 @@ def _end_frames(robot: ClosedChain) -> Iterator[pin.Frame]:
 
 
 def joined_points(robot: ClosedChain) -> list[list[Array]]:
-    """Points that each body connects: joints, ends of loops, feet; or its mass centre if none.
+    """Points that each body connects: joints, ends of loops, feet; its mass centre if it has none.
 
-    Positions are in the frame of the body's joint; the points of the base come first.
+    Returns:
+        A list of points for each body, the base first. Points have the shape (3,), in the frame of
+        the body's joint, [m].
     """
     model = robot.mechanism.model
     points: list[list[Array]] = [[] for _ in model.joints]
@@ -116,12 +127,12 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
     for end in _end_frames(robot):
         points[end.parentJoint].append(end.placement.translation)
 
-    # Fixed links and points of moving bodies, where no point is yet.
+    # Fixed links and points of moving bodies, unless another point is at the same place.
     for frame in model.frames:
         on_body = points[frame.parentJoint]
         point = frame.placement.translation
         is_known = any(np.linalg.norm(point - other) < _SAME_POINT for other in on_body)
-        if frame.parentJoint and frame.type in _ENDS and not is_known:
+        if frame.parentJoint and frame.type in _POINTS and not is_known:
             on_body.append(point)
 
     # The mass centre of a body with nothing but its joint.
@@ -132,18 +143,18 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
 
 
 def masses(model: pin.Model) -> Iterator[Shape]:
-    """The homogeneous ellipsoid of the same mass and inertia as each body.
+    """For each body, the homogeneous ellipsoid with the same mass m and inertia.
 
-    Its semi-axes a_i follow from the principal moments of inertia,
-    a_1^2 = 5 / (2 m) (I_2 + I_3 - I_1), and so on.
+    An ellipsoid has the principal moments I_1 = m / 5 (a_2^2 + a_3^2), and so on. So its semi-axes
+    are a_1^2 = 5 / (2 m) (I_2 + I_3 - I_1), and so on.
     """
     for joint, inertia in enumerate(model.inertias):
         if inertia.mass <= 0 or joint == 0:
             continue
         moments, R = np.linalg.eigh(inertia.inertia)
-        R[:, 2] *= np.sign(np.linalg.det(R))
+        R[:, 2] *= np.sign(np.linalg.det(R))  # the axes become right-handed
         squares = 2.5 / inertia.mass * (moments.sum() - 2 * moments)
-        if squares.max() <= 0:  # a point
+        if squares.max() <= 0:  # a point mass
             continue
         radii = np.sqrt(squares.clip(_THINNEST * squares.max()))
         at = homogeneous(R, inertia.lever)
