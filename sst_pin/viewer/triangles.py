@@ -11,20 +11,26 @@ from ..description.solids import lofted
 from ..errors import InputError
 from .scene_parts import Mesh
 
-#: Angle between faces from which their edge is drawn, [rad].
+#: An edge looks sharp if the angle between its faces is larger, [rad].
 _EDGE = np.radians(35.0)
 
 
 def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
-    """A round tube along a line, its ends closed.
+    """A round tube along a line through n points, with closed ends.
 
-    Two equal successive points make a step in radius. The faces are in order along the line,
-    2 * sides for each segment; faces of the ends come last.
+    If two successive points are equal, the radius changes there in a step. The faces are in order
+    along the line, 2 * sides for each segment; the faces of both ends come last.
+
+    Args:
+        points: Points of the line, shape (n, 3), [m].
+        radii: Radius at each point, shape (n,), or one radius, [m].
+        sides: Number of corners of the cross-section.
     """
     points = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
-    # A normal at each point, which does not turn about the line, so that the tube is not twisted
-    # (a rotation-minimising frame): the last normal without its part along the next tangent.
+    # A normal at each point. The normals must not turn about the line, or the tube would be twisted
+    # (a rotation-minimising frame). So each normal is the one before it, without the part along the
+    # tangent. The first one is normal to the tangent and to the axis with the least of its entries.
     tangents = _tangents(points)
     normals = np.empty_like(points)
     normal = np.cross(tangents[0], np.eye(3)[np.abs(tangents[0]).argmin()])
@@ -32,67 +38,87 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
         normal = normal - (normal @ tangent) * tangent
         normal /= np.linalg.norm(normal)
         normals[i] = normal
-    # Circles about the points, connected by faces.
-    angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None, None]
-    ring = np.cos(angles) * normals + np.sin(angles) * np.cross(tangents, normals)
-    rings = points[:, None] + radii[:, None, None] * ring.swapaxes(0, 1)
-    vertices, faces = lofted(rings)
-    # `lofted` gives two sets of triangles of the wall, each along the line, and then the two ends.
-    # Here both triangles of a place follow one another.
+    # A circle about each point, connected by faces.
+    binormals = np.cross(tangents, normals)
+    angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    cosines = np.cos(angles)[:, None]
+    sines = np.sin(angles)[:, None]
+    circles = []
+    for point, radius, normal, binormal in zip(points, radii, normals, binormals, strict=True):
+        directions = cosines * normal + sines * binormal  # shape (sides, 3)
+        circles.append(point + radius * directions)
+    vertices, faces = lofted(np.stack(circles))
+    # `lofted` returns first one triangle of each rectangle of the wall, along the whole line, then
+    # the other triangle of each rectangle, then the ends. Here the triangles of each segment follow
+    # one another.
     segments = len(points) - 1
-    wall_by_sets = faces[: 2 * segments * sides].reshape(2, segments, sides, 3)
-    wall_along_line = np.swapaxes(wall_by_sets, 0, 1).reshape(-1, 3)
+    wall_in_two_halves = faces[: 2 * segments * sides].reshape(2, segments, sides, 3)
+    wall_along_line = np.swapaxes(wall_in_two_halves, 0, 1).reshape(-1, 3)
     ends = faces[2 * segments * sides :]
     return Mesh(vertices, np.concatenate([wall_along_line, ends]))
 
 
 def _tangents(points: Array) -> Array:
-    """Unit tangents of a line at its points, shape (n, 3): the mean of the steps on both sides."""
+    """Unit tangents of a line at its points, shape (n, 3).
+
+    A tangent is the mean direction of the steps before and after its point. If all points are
+    equal, it is the z axis.
+    """
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     if not lengths.any():
         return np.tile((0.0, 0.0, 1.0), (len(points), 1))
-    # A step of length zero takes the direction of the last step before it that has a length, and at
-    # the start of the first one after it.
-    is_step = lengths > 0
-    first = np.argmax(is_step)
-    last_step = np.maximum.accumulate(np.where(is_step, np.arange(len(steps)), 0))
-    steps = steps[last_step]
-    steps[:first] = steps[first]
-    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
-    before = np.vstack([steps[:1], steps])
-    after = np.vstack([steps, steps[-1:]])
-    around = before + after
-    turned = np.linalg.norm(around, axis=1) < 1e-9  # straight back
-    around[turned] = after[turned]
-    return np.asarray(around / np.linalg.norm(around, axis=1, keepdims=True))
+    # A step of length zero takes the direction of the last step before it that has a length. At the
+    # start of the line it takes that of the first step that has one.
+    directions = np.empty_like(steps)
+    first = np.argmax(lengths > 0)
+    direction = steps[first] / lengths[first]
+    for i, length in enumerate(lengths):
+        if length > 0:
+            direction = steps[i] / length
+        directions[i] = direction
+    before = np.vstack([directions[:1], directions])
+    after = np.vstack([directions, directions[-1:]])
+    tangents = before + after
+    is_reversal = np.linalg.norm(tangents, axis=1) < 1e-9  # the line goes straight back
+    tangents[is_reversal] = after[is_reversal]
+    return np.asarray(tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
 
 
 def arrow(points: ArrayLike, radius: float) -> Mesh:
-    """A tube along a line that ends in an arrow's head, which is the last step."""
+    """An arrow along a line: a tube of this radius, and a head between the last two points."""
     points = np.asarray(points, dtype=float)
     shaft = points[:-1]
     neck = points[-2]
     tip = points[-1]
+    # The neck is there three times: at the end of the shaft, with its radius, and with the head's.
     line = np.vstack([shaft, neck, neck, tip])
     radii = [radius] * (len(shaft) + 1) + [2.6 * radius, 0]
     return tube(line, radii)
 
 
 def circle(angles: ArrayLike) -> Array:
-    """Points of the unit circle about the z axis, shape (n, 3)."""
+    """Points of the unit circle about the z axis at n angles, shape (n, 3)."""
     return np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)
 
 
 def solid(geometry: coal.CollisionGeometry) -> Mesh:
-    """The surface of a geometry; InputError for one without, such as a plane."""
+    """The surface of a geometry.
+
+    Raises:
+        InputError: If it cannot be drawn, for instance a plane.
+    """
     return shaded(_surface(geometry))
 
 
 def shaded(mesh: trimesh.Trimesh) -> Mesh:
-    """A surface whose vertices are doubled along its edges, so that these look sharp."""
+    """A surface for the page, with edges that look sharp.
+
+    The page shades a face smoothly between the normals at its vertices. So along a sharp edge each
+    face gets vertices of its own.
+    """
     mesh.merge_vertices()
-    if len(mesh.faces):  # else a file of points
+    if len(mesh.faces):  # a file may have points only
         mesh = trimesh.graph.smooth_shade(mesh, angle=_EDGE, facet_minarea=None)
     return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
