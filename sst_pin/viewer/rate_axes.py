@@ -8,18 +8,20 @@ import pinocchio as pin
 
 from ..arrays import Array
 
-#: The angular part of a slide's unit twist is rounding: below this.
+#: A unit twist with a smaller angular part belongs to a slide: the angular part is rounding.
 _ROUNDING = 1e-9
 
 
 class RateAxis(NamedTuple):
     """The axis of one rate of a joint."""
 
-    joint: int
+    joint: int  #: Number of the joint.
     mover: int  #: Number of the joint whose body carries the axis.
-    turns: bool  #: Whether the joint turns about it rather than sliding along it.
-    direction: Array  #: Unit vector in the axes of this body.
-    origin: Array  #: A point of it on this body, close to the joint's frame (at position 0), [m].
+    turns: bool  #: Whether the joint turns about the axis; else it slides along the axis.
+    direction: Array  #: Unit vector in the axes of `mover`, shape (3,).
+    #: A point of the axis in the frame of `mover`, shape (3,), [m]. For a rotation it is the point
+    #: closest to the joint's origin; for a slide it is the joint's origin at position 0.
+    origin: Array
 
 
 def axes_of(model: pin.Model, q: Array) -> list[RateAxis]:
@@ -38,12 +40,14 @@ def axes_of(model: pin.Model, q: Array) -> list[RateAxis]:
         mover_in_base = data.oMi[mover]
         joint_origin = data.oMi[number].translation
         for k in range(joint.idx_v, joint.idx_v + joint.nv):
-            # The twist of a rate of 1: w, and the velocity v of the origin of the joint's frame.
+            # For a rate of 1: the angular velocity w, and the velocity v of the joint's origin. The
+            # linear part of J is the velocity of the point of the body at the world's origin.
             w = J[3:, k]
             v = J[:3, k] + np.cross(w, joint_origin)
             turns = bool(np.linalg.norm(w) > _ROUNDING)
             if turns:
-                # The point of the axis that is closest to the joint's frame.
+                # The points of the axis move along w only. The closest one to the joint's origin p
+                # is p + w x v / |w|^2.
                 direction = w
                 origin = mover_in_base.actInv(joint_origin + np.cross(w, v) / (w @ w))
             else:
