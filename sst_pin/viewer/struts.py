@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Straight parts between two points that move: rods, ropes, springs, cylinders, rails."""
+"""Struts: straight parts between two points that move, such as rods, ropes, springs and cylinders.
+
+The mesh of a strut goes from z = 0 to z = 1; it is stretched to the distance of the points.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -21,22 +24,28 @@ _TURNS = 8
 
 
 def struts(robot: ClosedChain, axes: Sequence[RateAxis], size: float) -> Iterator[Strut]:
-    """Rods of `Distance` closures, ropes, forces along lines, and rails of sliding joints."""
-    # What is drawn between two frames, with its shape.
+    """Forces along lines, rods of `Distance` closures, ropes, and rails of sliding joints.
+
+    `axes` has the axis of each rate; `size` is a length of the robot, [m].
+    """
     line = tube([(0, 0, 0), (0, 0, 1)], BONE_RADIUS * size)
+
+    # Struts between two frames: what has the frames, and its shape.
+    pairs: list[tuple[Distance | LineForce | Rope, Shape]] = list(_line_forces(robot, size))
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
-    drawn: list[tuple[Distance | LineForce | Rope, Shape]] = list(_line_forces(robot, size))
     for k, rod in enumerate(rods):
-        drawn.append((rod, Shape(f"rod_{k}", "bodies", "rod", line, GREY)))
+        pairs.append((rod, Shape(f"rod_{k}", "bodies", "rod", line, GREY)))
     cord = Mesh(line.vertices * (0.3, 0.3, 1), line.faces)
     for k, rope in enumerate(robot.mechanism.contacts.ropes):
-        drawn.append((rope, Shape(f"rope_{k}", "bodies", f"rope {rope}", cord, GREY)))
-    for ends, shape in drawn:
-        a = frame_named(robot.mechanism.model, ends.frame_a)
-        b = frame_named(robot.mechanism.model, ends.frame_b)
+        pairs.append((rope, Shape(f"rope_{k}", "bodies", f"rope {rope}", cord, GREY)))
+    for part, shape in pairs:
+        a = frame_named(robot.mechanism.model, part.frame_a)
+        b = frame_named(robot.mechanism.model, part.frame_b)
         points = np.stack([a.placement.translation, b.placement.translation])
         yield Strut(shape, (int(a.parentJoint), int(b.parentJoint)), points)
-    # Rails, from the axis of a slide to its body.
+
+    # Rails of joints that slide along one axis: from the joint's origin at position 0, on the body
+    # before, to the origin of the body that slides.
     thin = Mesh(line.vertices * (0.6, 0.6, 1), line.faces)
     for axis in axes:
         if not axis.turns and axis.mover != axis.joint:
@@ -45,7 +54,11 @@ def struts(robot: ClosedChain, axes: Sequence[RateAxis], size: float) -> Iterato
 
 
 def _line_forces(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]:
-    """A motor on a line as a cylinder with its rod, a spring as a coil, others as a thin line."""
+    """The shapes of forces along lines.
+
+    A line with a motor is a cylinder with its piston rod, a line with a spring is a coil, and other
+    lines are thin.
+    """
     r = BONE_RADIUS * size
     z = np.linspace(0, 1, 12 * _TURNS + 1)
     coil = 2 * r * circle(2 * np.pi * _TURNS * z) + np.outer(z, (0, 0, 1))
