@@ -5,8 +5,9 @@ The server sends the HTML page on request, and updates through a WebSocket that 
 event loop runs in a thread of its own, so that the robot's program continues. Methods that other
 threads call only put work into this loop.
 
-A page of another site can make a browser ask 127.0.0.1 under that site's name (DNS rebinding), and
-open WebSockets to any address. Requests must therefore name this machine, and come from our page.
+Pages of other sites must not use the server. Such a page can make a browser ask 127.0.0.1 under the
+name of its own site (DNS rebinding), and can open WebSockets to any address. So the server answers
+only requests that name this machine or an IP address, and WebSockets only of its own page.
 """
 
 import asyncio
@@ -29,6 +30,9 @@ from ..errors import ServerError
 Message = bytes | str
 #: Time for clients to close their connections, [s].
 _CLOSING_TIME = 1.0
+#: While a page has more unread bytes than this, it gets no further messages. Many frames of a
+#: motion are smaller, and the memory of this machine holds as much for many pages.
+_MOST_UNREAD = 2**22
 
 
 class Server:
@@ -42,14 +46,22 @@ class Server:
     def __init__(
         self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str, port: int
     ) -> None:
-        """`page` returns the HTML, `state` the messages that a new page needs to be up to date.
+        """Start the server.
 
-        The thread of the server calls both.
+        Args:
+            page: Returns the HTML of the page. The thread of the server calls it.
+            state: Returns all messages that bring a new page up to date. The thread of the server
+                calls it.
+            host: Address to listen on.
+            port: Port to listen on; 0 for any free port.
+
+        Raises:
+            ServerError: If the address or port cannot be used.
         """
         sockets = listen(host, port)
         self.url = url_of(host, sockets[0].getsockname()[1])
         self.visited = threading.Event()
-        #: Connected pages.
+        #: Connected pages, each with the object that sends it messages.
         self._pages = dict[tornado.websocket.WebSocketHandler, PageSender]()
         self._loop = asyncio.new_event_loop()
         self._must_end = asyncio.Event()
@@ -69,7 +81,7 @@ class Server:
         http.stop()
         for page in tuple(self._pages):
             page.close()
-        # A client that does not answer would hold the server for seconds.
+        # With a time limit: a client that does not answer would delay the end by seconds.
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(http.close_all_connections(), _CLOSING_TIME)
         others = asyncio.all_tasks() - {asyncio.current_task()}
@@ -83,19 +95,19 @@ class Server:
         """The two addresses of the server: `/` is the page, `/socket` its updates."""
         server = self
 
-        class Ours(tornado.web.RequestHandler):
-            """Refuses requests that do not name this machine."""
+        class Guarded(tornado.web.RequestHandler):
+            """Refuses requests that name another site."""
 
             def prepare(self) -> None:
                 if not is_ours(host, self.request.headers.get("Host")):
                     raise tornado.web.HTTPError(403)
 
-        class Page(Ours):
+        class Page(Guarded):
             def get(self) -> None:
                 self.set_header("Cache-Control", "no-store")
                 self.write(page())
 
-        class Socket(Ours, tornado.websocket.WebSocketHandler):
+        class Socket(Guarded, tornado.websocket.WebSocketHandler):
             def open(self, *_: str, **__: str) -> None:
                 """Bring a new page up to date."""
                 sender = PageSender(self, state)
@@ -104,7 +116,7 @@ class Server:
                 server.visited.set()
 
             def on_message(self, message: Message) -> None:
-                """Pages have nothing to say."""
+                """Ignore messages of pages."""
 
             def on_close(self) -> None:
                 server._pages.pop(self, None)
@@ -112,33 +124,32 @@ class Server:
         return tornado.web.Application([("/", Page), ("/socket", Socket)])
 
     def send(self, message: Message) -> None:
-        """Send a message to every connected page; any thread may call this, also after `close`."""
+        """Send a message to every connected page.
+
+        Any thread may call this. After `close` it does nothing.
+        """
 
         def send_to_all() -> None:
             for sender in tuple(self._pages.values()):
                 sender.send(message)
 
-        with suppress(RuntimeError):  # the loop is closed, and no page is connected
+        with suppress(RuntimeError):  # raised if the loop is closed
             self._loop.call_soon_threadsafe(send_to_all)
 
     def close(self) -> None:
-        """Stop listening and wait until it has stopped."""
+        """Stop the server, and wait until its thread has ended."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._must_end.set)
             self._thread.join()
             self._loop.close()
 
 
-#: A page that has not read so much yet gets no further messages, [byte]. Many frames of a motion
-#: are less, and the memory of this machine holds it for many pages.
-_MOST_UNREAD = 2**22
-
-
 class PageSender:
-    """Sends messages to one page, no more than it reads.
+    """Sends messages to one page, and drops messages that the page is too slow to read.
 
-    While too much is unread, as in a suspended tab, messages are dropped. When the page has read
-    what it was sent, it gets the whole state, so that it is up to date again.
+    A suspended tab, for instance, does not read. While too many bytes are unread, messages are
+    dropped. When the page has read all that was sent, it gets the whole state, and so is up to date
+    again.
     """
 
     def __init__(
@@ -171,24 +182,28 @@ class PageSender:
             return
         self._unread += size
 
-        def when_read(result: Any) -> None:
-            """The page has read the message, or has closed."""
+        def when_done(result: Any) -> None:
+            """Count the message as read; the page has read it, or has closed."""
             self._unread -= size
-            failed = result.cancelled() or result.exception() is not None  # the page has closed
-            if self._has_dropped and not self._unread and not failed:
+            has_closed = result.cancelled() or result.exception() is not None
+            if self._has_dropped and not self._unread and not has_closed:
                 self.send_state()
 
-        asyncio.ensure_future(future).add_done_callback(when_read)
+        asyncio.ensure_future(future).add_done_callback(when_done)
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Sockets that listen on an address; port 0 is any free port. Raises a ServerError."""
+    """Sockets that listen on an address; port 0 is any free port.
+
+    Raises:
+        ServerError: If the address or port cannot be used.
+    """
     try:
         if not isinstance(host, str) or not isinstance(port, int):
             raise OSError("an address is a text, a port a whole number")
         if not host:
             raise OSError("an empty address would mean every network")
-        if not 0 <= port <= 65535:  # else getaddrinfo takes the remainder
+        if not 0 <= port <= 65535:  # getaddrinfo would take the remainder modulo 65536
             raise OSError("ports end at 65535")
         return bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
@@ -204,7 +219,7 @@ def url_of(host: str, port: int) -> str:
 def is_ours(host: str, header: str | None) -> bool:
     """Whether the header `Host` of a request names this machine or an IP address.
 
-    Tornado itself refuses sockets of pages from elsewhere, by the header `Origin`.
+    Tornado refuses WebSockets of other pages by itself: it compares the header `Origin`.
     """
     try:
         name = urlsplit(f"//{header or ''}").hostname or ""
