@@ -7,7 +7,7 @@ import html
 import json
 import webbrowser
 from collections.abc import Callable, Mapping
-from functools import cached_property, partial
+from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -55,19 +55,22 @@ class Viewer:
     block. In Jupyter a viewer displays itself.
 
     Args:
-        robot: Any closed chain, with the shapes of its URDF, MJCF or gallery function. Without any
-            it is drawn as a skeleton, with an ellipsoid for the mass and inertia of each body. A
-            planar robot is seen face-on, and its ellipsoids are hidden at first.
-        visual_model: Shapes that replace these; `pinocchio.GeometryModel()` gives the skeleton.
+        robot: Any closed chain. It is drawn with the shapes of its URDF, MJCF or gallery function.
+            A robot without shapes is drawn as a skeleton, with an ellipsoid for the mass and
+            inertia of each body. A planar robot is seen face-on, and its ellipsoids are hidden at
+            first.
+        visual_model: Shapes to draw instead of the robot's own. An empty
+            `pinocchio.GeometryModel()` gives the skeleton.
         axes: Whether the axes of the joints are shown at first, e_1..9 of an `SST`.
         frames: Whether the frames of the closures are shown at first, {0k}..{3k}, {E} of an `SST`.
         frame: Name of the frame whose path is drawn; by default E of an `SST` and `platform` of
             other robots, if they have it.
-        reactions: Whether arrows show the forces in joints and closures: of the parent on the
-            child, of A on B; of a force that is not unique its unique part, such as that in the
-            plane of a planar robot. Stiffnesses, as in `ClosedChain.reactions`, make others unique.
-        live: Whether the page also computes: sliders, dragging, simulation. Arrows of reactions
-            are then only in motions.
+        reactions: Whether arrows show the reaction forces: in a joint the force of the parent on
+            the child, in a closure the force of frame A on frame B. If a force is not unique, its
+            arrow shows the unique part, for instance the force in the plane of a planar robot. A
+            mapping of stiffnesses, as in `ClosedChain.reactions`, makes more forces unique.
+        live: Whether the page also computes. It then has sliders, bodies that can be dragged, and
+            a simulation, and it shows reactions only while it plays a motion.
 
     Raises:
         UnknownNameError: For an unknown frame, or a stiffness of an unknown joint.
@@ -135,14 +138,15 @@ class Viewer:
         else:
             tau = single_array("tau", tau, (motors,))[None]
             shares = torque_shares(robot, tau)
-            accelerations = None  # those that the torques give
+            accelerations = None  # computed from the torques
             curves = [torques_of(robot, tau), joints_of(robot, q)]
         reactions = NO_FORCES
         if self._with_reactions:
             reactions = reaction_forces(robot, q, zero_rates, accelerations, tau, self._stiffness)
         effort = self._scene.layout.efforts(shares, reactions.shares, None)
         self._drawing.place(q[0], effort[0])
-        if self._live:  # its arrows of torques may become as long as they can
+        if self._live:
+            # Sliders change the torques of a live page: the camera must see the longest arrows.
             effort[:, :motors] = 1.0
         self._set_panel(
             title="configuration",
@@ -215,12 +219,12 @@ class Viewer:
         effort = self._scene.layout.efforts(shares, reactions.shares, contacts.shares)
 
         # The scene, and the points that the camera must see.
-        reference = thinned(wanted or states).q
+        reference = thinned(states if wanted is None else wanted).q
         self._drawing.animate(shown, effort, reference, ghost)
         points = self._scene.outermost_points(shown.q, effort, reference)
         layers = self._scene.layers
         if ghost is not None:
-            no_effort = 0 * effort[:1]
+            no_effort = np.zeros_like(effort[:1])
             points_of_ghost = self._scene.outermost_points(ghost.q, no_effort)
             points = np.vstack([points, points_of_ghost])
             layers = layers | {"ghost": True}
@@ -325,8 +329,13 @@ class Viewer:
             >>> viewer.close()
         """
         if self._server is None:
-            text = partial(page, (), functions=self._functions, served=True)
-            self._server = Server(lambda: text(panel=self._panel), self._state, host, port)
+            functions = self._functions  # here, so that its errors reach the caller
+
+            def current_page() -> str:
+                # Without commands: the page gets them from `_state`, through its socket.
+                return page((), self._panel, functions, served=True)
+
+            self._server = Server(current_page, self._state, host, port)
         return self._server.url
 
     def open(self, wait: float = 20.0) -> bool:
@@ -434,7 +443,8 @@ class Viewer:
             "reach": outermost_points.tolist(),
             "face": scene.face,
             "ground": scene.ground,
-            "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
+            # Vertex indices of the trail between two samples: each side is two triangles.
+            "trail": 2 * 3 * TRAIL_SIDES,
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
             "curves": curves,
         }
@@ -442,7 +452,7 @@ class Viewer:
 
     def _tell(self, message: Message) -> None:
         """Send a message to the open pages."""
-        server = self._server  # another thread may close it
+        server = self._server  # one reading: `close` in another thread may set it to None
         if server is not None:
             server.send(message)
 
