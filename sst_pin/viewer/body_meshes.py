@@ -12,10 +12,10 @@ import trimesh
 from .scene_parts import Mesh, Shape
 from .triangles import shaded, solid
 
-#: Largest difference of the size of a mesh as coal and trimesh read it, relative to its largest
-#: edge.
+#: coal and trimesh have read the same mesh if the corners of its bounding boxes differ by at most
+#: this part of the longest edge of the box.
 _SAME_SIZE = 1e-4
-#: A surface with more colours is shown in their mean.
+#: A surface with more colours is shown in the mean colour.
 _MOST_COLOURS = 32
 
 
@@ -40,19 +40,19 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
 
 
 def _coloured_parts(body: pin.GeometryObject, whole: Mesh, default: str) -> dict[str, Mesh]:
-    """Parts of a body by the colours in its mesh file; none where there are no colours.
+    """Parts of a body by the colours in its mesh file; empty if the body has one colour.
 
-    coal, which has read the file, ignores colours. trimesh reads them. If it cannot read the file,
-    or gives another size or place, the body has one colour.
+    coal, which has read the file, ignores colours; trimesh reads them. The result is empty too if
+    trimesh cannot read the file, or if its mesh has another size or place.
 
     Args:
         body: The body.
-        whole: Its surface.
-        default: The colour of parts without one.
+        whole: Surface of the body, as coal has read it.
+        default: The colour of parts without a colour.
     """
     if not Path(body.meshPath).is_file():
         return {}
-    pieces: dict[str, list[Any]] = {}  # by their colours
+    pieces: dict[str, list[Any]] = {}  # by colour
     try:
         scene: Any = trimesh.load(body.meshPath, force="scene")
         for part in scene.dump():
@@ -63,8 +63,8 @@ def _coloured_parts(body: pin.GeometryObject, whole: Mesh, default: str) -> dict
     if not pieces or list(pieces) == [default]:
         return {}
     meshes = {}
-    for colour, of_colour in pieces.items():
-        joined: Any = trimesh.util.concatenate(of_colour)
+    for colour, pieces_of_colour in pieces.items():
+        joined: Any = trimesh.util.concatenate(pieces_of_colour)
         meshes[colour] = shaded(trimesh.Trimesh(joined.vertices * body.meshScale, joined.faces))
     vertices = np.vstack([mesh.vertices for mesh in meshes.values()])
     low = vertices.min(axis=0) - whole.vertices.min(axis=0)
@@ -89,7 +89,7 @@ def _pieces(mesh: Any, default: str) -> Iterator[tuple[str, Any]]:
         if len(colours) > _MOST_COLOURS:
             yield _hex(visual.face_colors / 255), bare
             return
-        for i, colour in enumerate(colours):
+        for i, colour in enumerate(colours):  # faces of colour i have the owner i
             (piece,) = bare.submesh([np.flatnonzero(owners.ravel() == i)], repair=False)
             yield _hex(colour / 255), piece
     else:

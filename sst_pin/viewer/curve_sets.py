@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sets of curves over time below the scene of a page: torques, angles, rates, powers, forces."""
+"""Sets of curves over time below the scene of a page: torques, angles, rates, powers, forces.
+
+Each set is a dict with the keys that `chart.js` reads. Arrays have one row for each sample.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -54,7 +57,7 @@ def _curve_set(
 
 
 def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
-    """Sets of curves: torques, angles, rates and powers, see `_curve_set`."""
+    """Sets of curves of a motion: torques, angles, rates and powers."""
     motors = robot.motor_names
     symbols = [f"P_{k + 1}" for k in range(len(motors))]
     watts = ["W"] * len(motors)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Samples of motions for a page: some of a long motion, forces between them, a second motion."""
+"""Which samples of a motion a page shows, and the data at these samples.
+
+A page shows at most 600 samples of a long motion. Forces are means between these samples.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +35,18 @@ def mean_forces(forces: Array, samples: Indices) -> Array:
     each sample of the page the mean of the steps since the sample before; the first sample has the
     forces of the first step.
     """
+    # sums[k] is the sum of the forces of the first k steps, which end at sample k.
     sums = np.concatenate([np.zeros_like(forces[:1]), np.cumsum(forces, axis=0)])
     means = np.diff(sums[samples], axis=0) / np.diff(samples)[:, None, None]
     return np.concatenate([forces[:1], means])
 
 
 def same_time(motion: Trajectory, ghost: Trajectory) -> Trajectory:
-    """The samples of a second motion between the ends of the first, thinned."""
+    """The samples of a ghost that cover the time it has in common with a motion, thinned.
+
+    Raises:
+        InputError: If they have no time in common.
+    """
     low = max(motion.t[0], ghost.t[0])
     high = min(motion.t[-1], ghost.t[-1])
     if low >= high:
@@ -46,13 +54,20 @@ def same_time(motion: Trajectory, ghost: Trajectory) -> Trajectory:
         time_of_motion = f"from {motion.t[0]:g} to {motion.t[-1]:g} s"
         problem = f"{time_of_ghost}, the motion {time_of_motion}: no time in common"
         raise InputError("ghost", problem)
+    # From the last sample at or before `low` to the first one at or after `high`.
     first = np.searchsorted(ghost.t, low, "right") - 1
     last = np.searchsorted(ghost.t, high)
     return thinned(ghost[first : last + 1])
 
 
 def states_of(mechanism: Mechanism, rollout: NonsmoothRollout) -> Trajectory:
-    """The states of one nonsmooth motion up to its end, as a motion without torques."""
+    """The states of one nonsmooth motion up to its last sample, as a `Trajectory`.
+
+    Accelerations and torques are zero.
+
+    Raises:
+        InputError: For several motions, or the motion of another robot.
+    """
     if rollout.q.ndim != 2:
         problem = f"{rollout.q.shape[:-2]} motions; give one, motion.single(0)"
         raise InputError("motion", problem)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The HTML page of a robot, and the warnings in its panel."""
+"""The HTML page of a robot, and the warnings in its panel.
+
+The page is `assets/panel.html`, in which the scripts and data replace marks such as `/*SCENE*/`.
+"""
 
 import base64
 import json
@@ -18,9 +21,13 @@ from ..simulation.trajectories import Trajectory
 def page(
     commands: Iterable[bytes], panel: dict[str, Any], functions: str = "", served: bool = False
 ) -> str:
-    """HTML that needs no other files, with packed Meshcat commands and the data of the panel.
+    """HTML of a page that needs no other files.
 
-    `functions` is JavaScript for a page that computes; a served page gets updates from its server.
+    Args:
+        commands: Packed commands of Meshcat, which draw the scene.
+        panel: Data of the panel, with the names of `panel.js`.
+        functions: JavaScript of a live page; empty for other pages.
+        served: Whether the page gets updates from a server.
     """
     packed = [base64.b64encode(command).decode() for command in commands]
     scene = json.dumps({"served": served, "commands": packed, "panel": panel})
@@ -31,7 +38,7 @@ def page(
         "CHART": _asset("chart.js"),
         "PANEL": _asset("panel.js"),
         "LIVE": functions + _asset("live.js") if functions else "const live = null;",
-        "SCENE": scene.replace("</", "<\\/"),
+        "SCENE": scene.replace("</", "<\\/"),  # a text "</script>" would end the script
     }
     html = _asset("panel.html")
     for name, text in parts.items():
@@ -45,8 +52,9 @@ def _asset(name: str) -> str:
 
 def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
     """Warnings of a motion or configuration: open loops, then findings of `check_limits`."""
-    t, q = samples_of(robot.mechanism, motion)
+    t, q = samples_of(robot.mechanism, motion)  # t is NaN for a configuration
     lines = []
+    # How far the loops are open at each sample; zero within the tolerance.
     residuals = np.abs(robot.residual(q)).max(axis=1, initial=0.0)
     residuals[robot.engine.loops.are_closed(q)] = 0.0
     worst = int(residuals.argmax())

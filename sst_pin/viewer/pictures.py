@@ -38,7 +38,7 @@ def browser() -> Iterator[Any]:
     path = find_browser()
     arguments = ["--enable-unsafe-swiftshader"]  # WebGL without a graphics card
     if os.geteuid() == 0:
-        arguments.append("--no-sandbox")  # Chromium has none for root
+        arguments.append("--no-sandbox")  # as root, Chromium does not start with its sandbox
     with sync_playwright() as playwright:
         try:
             chromium = playwright.chromium.launch(executable_path=path, args=arguments)
@@ -52,7 +52,7 @@ def browser() -> Iterator[Any]:
 
 
 def png(html: str) -> bytes:
-    """A still picture, at a fifth of the motion."""
+    """A PNG of the page, taken after a fifth of the motion."""
     (picture,) = _pictures(html, [0.2], (1280, 640), 2.0)
     return picture
 
@@ -72,8 +72,9 @@ def gif(
     from PIL import Image
 
     pictures = [Image.open(io.BytesIO(screenshot)).convert("RGB") for screenshot in screenshots]
-    # One palette for all: colours that change from frame to frame flicker.
-    coverage = Image.Quantize.MAXCOVERAGE  # leaves white white
+    # All pictures have the palette of one of them, a third of the way through: with palettes of
+    # their own, the colours would flicker.
+    coverage = Image.Quantize.MAXCOVERAGE  # keeps white
     palette = pictures[len(pictures) // 3].quantize(128, coverage, dither=Image.Dither.NONE)
     images = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     file = io.BytesIO()
