@@ -62,30 +62,34 @@ from .guesses import home_of, random_step
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-# Numbers of poses, tries and steps, and the widths of random steps, are choices. If they are too
-# small, a part stays as it is in the file: open by its rounding, or rigid. Widths are [rad], or
+# Numbers of poses, tries and steps, and the widths of random steps, are choices. Widths are [rad], or
 # lengths of the loop.
 
 #: Widths of random steps to the start. The first try steps from home or `pin.neutral`, each other
-#: try from the pose of the last one. The last try spreads angles over the whole turn.
+#: try from the pose of the last one. The last try spreads angles over the whole turn. With fewer
+#: tries more parts may stay open at the start.
 _STARTS = np.linspace(0.0, 2.0, 21)
 #: Widths of random steps from the start to poses in which a corrected part must close.
 _POSES = np.linspace(0.1, 1.0, 16)
-#: A part needs no correction if it closes in the first poses of `_POSES`; their number.
+#: Number of the first poses of `_POSES`. A part needs no correction if it closes in all of them.
+#: With fewer poses, a part that is open elsewhere would pass more often.
 _FIRST_POSES = 3
-#: Widths of random steps from the start to poses that check a correction.
+#: Widths of random steps from the start to poses that check a correction. With fewer poses, a
+#: correction that leaves the part open elsewhere would pass more often.
 _CHECKS = np.linspace(0.15, 1.05, 8)
-#: Largest number of corrections of a part. Each one after the first has more poses.
+#: Largest number of tries to correct a part. Each one after the first has more poses. If none
+#: succeeds, the part stays as it is in the file.
 _TRIES = 3
-#: A part moves without a correction if it closes after each of this number of steps.
+#: A part moves without a correction if it closes after each of this number of steps. With fewer
+#: steps, a rigid part would seem to move more often, and then it may not be corrected.
 _MOTION_STEPS = 3
 #: Length of these steps. A rigid part in a singular pose may seem closed after steps of 1e-5, as
 #: its error grows with the square of the step; this step is much longer.
 _MOTION = 0.05
 
-# The next numbers have a wide range: the robots of tests/loops/test_rounded_numbers.py are
-# corrected as well with a third and three times `_RANK_GAP` and `_FAR`, and with a tenth and ten
-# times `_NOISE`.
+# The next three numbers need not be exact: all robots of tests/loops/test_rounded_numbers.py are
+# also corrected if `_RANK_GAP` and `_FAR` are three times smaller or larger, and if `_NOISE` is ten
+# times smaller or larger.
 
 #: The rank is clear if the largest singular value that rounding makes is at most this part of the
 #: smallest other one. Then it stays the same even if rounding makes ten times as much.
@@ -93,8 +97,9 @@ _RANK_GAP = 0.1
 #: A part that stays open by more than this in all poses is neither corrected nor refused: its poses
 #: may be far from those in which it closes.
 _FAR = 10 * ROUNDED_PLACEMENTS
-#: Gauss-Newton's method ignores singular values of its equations below this multiple of the error
-#: |N^T f|: the equations, which are linear in d, are wrong by about this error.
+#: Gauss-Newton's method ignores singular values of N^T F that are smaller, relative to the largest
+#: one, than this multiple of the error |N^T f|. The equations, which are linear in d, are wrong by
+#: about this error.
 _NOISE = 30.0
 
 #: Gauss-Newton's method also ignores singular values below this part of the largest one: they are
@@ -170,7 +175,7 @@ def _corrected(
     The poses are those around the start.
     """
     corrected = original
-    # For the warning: the largest error of each row of the original.
+    # For the warning: the largest error of each row of the original, shape (rows,).
     errors_before = np.zeros(len(original.loops.f))
     for part in parts:
         original.require_closing([start, *poses], part)
@@ -179,8 +184,9 @@ def _corrected(
             continue
         corrected = correction.robot
         for q in correction.poses:
-            error = original.errors(original.closest(q, part.rates), part)
-            errors_before = np.maximum(errors_before, error)
+            # The corrected part closes at q. The original stays open there by these errors.
+            best = original.closest(q, part.rates)
+            errors_before = np.maximum(errors_before, original.errors(best, part))
     if corrected is not original:
         _warn(original.mechanism, corrected.mechanism, errors_before)
     return corrected.mechanism
@@ -221,7 +227,7 @@ def _is_justified(correction: _Correction, original: "_Robot", part: _Part, star
     if rounding == 0:
         return False  # 2
     home = home_of(original.mechanism)
-    if home is not None and not original.gap(home, part) and original.moves(home, part):
+    if home is not None and original.gap(home, part) == 0 and original.moves(home, part):
         # 3: With rounded placements the loops would be open at the home of the file. So its short
         # numbers, such as 0.25, are exact.
         return False
@@ -266,7 +272,7 @@ def _find_correction(
         # A pose with a larger gap has no closed pose near it. A pose of lower rank is singular.
         closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
         regular = [q for q in closed if corrected.rank(q, part) == rank]
-        if regular and not any(corrected.gap(q, part) for q in regular):
+        if regular and all(corrected.gap(q, part) == 0 for q in regular):
             size = float(np.abs(total).max(initial=0.0))
             return _Correction(corrected, size, poses=regular)
         fitting += regular
@@ -331,7 +337,7 @@ class _Robot:
         q = self._assembly.closer(q, rates)
         random = random_step(self.mechanism, 1.0)[rates] / scale  # free of units
         for _ in range(_MOTION_STEPS):
-            if self.gap(q, part):
+            if self.gap(q, part) != 0:
                 return False
             motions = free_motions(self._Phi(q, part))
             if not motions.shape[1]:
@@ -347,7 +353,7 @@ class _Robot:
             if moved.dot(step) < step.dot(step) / 2:
                 return False  # closing the loops leads back by more than half of the step
             q = ahead
-        return not self.gap(q, part)
+        return self.gap(q, part) == 0
 
     # --- at a pose --------------------------------------------------------------------------
 
@@ -357,7 +363,7 @@ class _Robot:
 
     def closes(self, q: Array, part: _Part) -> bool:
         """Whether a part is closed to the rounding of floats, and its rank is clear."""
-        return not self.gap(q, part) and self.rank(q, part) is not None
+        return self.gap(q, part) == 0 and self.rank(q, part) is not None
 
     def has_independent_rows(self, q: Array, part: _Part) -> bool:
         """Whether a part is closed as far as rounded placements allow, and no row is redundant."""
@@ -365,11 +371,11 @@ class _Robot:
 
     def rank(self, q: Array, part: _Part) -> int | None:
         """Rank of Phi in a part; None if it is not clear which singular values are rounding."""
-        sizes = np.linalg.svd(self._Phi(q, part), compute_uv=False)
-        sizes = np.append(sizes, 0.0)  # so that there is a value after the last one that counts
-        rank = int((sizes > ROUNDED_PLACEMENTS * sizes.max(initial=1.0)).sum())
-        smallest = sizes[rank - 1] if rank else 1.0
-        largest_rounding = sizes[rank]
+        values = np.linalg.svd(self._Phi(q, part), compute_uv=False)  # in decreasing order
+        values = np.append(values, 0.0)  # so that there is a value after the last one that counts
+        rank = int((values > ROUNDED_PLACEMENTS * values.max(initial=1.0)).sum())
+        smallest = values[rank - 1] if rank else 1.0
+        largest_rounding = values[rank]
         return rank if largest_rounding <= _RANK_GAP * smallest else None
 
     def errors(self, q: Array, part: _Part) -> Array:
@@ -440,14 +446,15 @@ class _Robot:
     def _equations(
         self, q: Array, part: _Part, rank: int, places: Mapping[str, int | None]
     ) -> "_Equations":
-        """The equations N^T (f + F d) = 0 at one pose, where Phi counts with this rank."""
+        """The equations N^T (f + F d) = 0 at one pose, for Phi of this rank."""
         U, s, Vt = np.linalg.svd(self._Phi(q, part))  # evaluates the loops at q
         row_scale = self.mechanism.row_scale[part.rows]
         f = self.loops.f[part.rows] * row_scale
         F = by_displacements(self.loops, places)[part.rows] * row_scale[:, None]
         F = F * self._units_of_d(part, places)
         N = U[:, rank:]
-        pseudoinverse = Vt[:rank].T / s[:rank] @ U[:, :rank].T
+        # V diag(1 / s) U^T, with the first singular values only
+        pseudoinverse = (Vt[:rank].T / s[:rank]) @ U[:, :rank].T
         return _Equations(f=f, F=F, N_f=N.T @ f, N_F=N.T @ F, Phi_inverse=pseudoinverse)
 
     def _followed(self, q: Array, part: _Part, equations: "_Equations", d: Array) -> Array:
@@ -483,12 +490,13 @@ class _Robot:
             _, placement = place_of(self.mechanism.model, place)
             lengths += placement.translation.tolist()
             angles += pin.rpy.matrixToRpy(placement.rotation).tolist()
-        # Files write angles with as many digits as lengths, so that all numbers tell the digits of
-        # lengths. Angles may have more digits, such as 1.5708 where lengths are in millimetres.
-        half_digit = half_a_digit(np.array(lengths + angles))
-        half_digit_of_angles = min(half_digit, half_a_digit(np.array(angles)))
+        # Most files write lengths and angles with the same number of digits. So all numbers together
+        # tell the digits of lengths, of which there may be few. Angles may have more digits, such as
+        # 1.5708 where lengths are in millimetres. So they are also judged alone.
+        half_digit_of_lengths = half_a_digit(np.array(lengths + angles))
+        half_digit_of_angles = min(half_digit_of_lengths, half_a_digit(np.array(angles)))
         gap = self.gap(self.closest(q, part.rates), part)
-        return max(half_digit / self._length(part), half_digit_of_angles, gap)
+        return max(half_digit_of_lengths / self._length(part), half_digit_of_angles, gap)
 
     def places(self, part: _Part) -> dict[str, int | None]:
         """The places that may be displaced, by their names: None for a joint, the index of a frame.
