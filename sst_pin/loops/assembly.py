@@ -34,8 +34,9 @@ from .ranks import free_motions, scaled_Phi
 #: `CLOSURE_TOLERANCE`, so that an assembled configuration counts as closed, and far above the
 #: rounding of long chains.
 _ASSEMBLED = 1e-11
-#: Newton's method goes on with closed loops while their error falls. It ends at this error of a
-#: group, some roundings of numbers of size one, or at the rounding of its positions, if larger.
+#: Newton's method takes further steps with a group of closed loops while its error falls. It stops
+#: at this error, which is some roundings of numbers of size one. If the rounding of the group's
+#: positions is larger, it stops there.
 _POLISHED = 1e-4 * _ASSEMBLED
 #: Most steps of Newton's method: steps of `_STRIDE` lead through eight turns of a joint.
 _STEPS = 100
@@ -43,16 +44,17 @@ _STEPS = 100
 #: steps. Even near a singular configuration each step divides the error by four: there the error
 #: grows with the square of the distance, and Newton's method halves the distance.
 _PATIENCE = 10
-#: Longest step, [rad] or lengths of the loop: closures are far from linear beyond it. Joints that
-#: only linear couplings hold, such as motors behind gears, have no limit.
+#: Longest step, [rad] or lengths of the loop: closures are far from linear beyond it. The limit is
+#: not for joints that only linear couplings hold, such as motors behind gears.
 _STRIDE = 0.5
 #: A step is rejected if the error does not fall after this number of halvings. 1e-6 of the step is
 #: then left, along which f is linear: the error would fall if it could.
 _HALVINGS = 20
 #: Relative rounding of a number.
 _ROUNDING = float(np.finfo(float).eps)
-#: Singular values below this part of the largest count as zero; see `_shortest`. Redundant rows
-#: have singular values of the size of the loops' errors, which are at most a tenth of this number.
+#: Singular values below this part of the largest count as zero; see `_shortest`. Where rows are
+#: redundant, some singular values are as small as the loops' errors. In closed loops these are at
+#: most `_ASSEMBLED`, a tenth of this number.
 _NO_RANK = 1e-10
 #: Loops that stay open by less are tried again with `ROUNDED_PLACEMENTS` in place of `_NO_RANK`.
 #: The errors of the placements in a loop add up, so that this is several times the error of one.
@@ -155,7 +157,11 @@ class Assembly:
     def try_starts(
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
     ) -> Array:
-        """The first assembly from q and random starts around it; the error is that of the best."""
+        """The first closed configuration from q or from random starts around q, shape (nq,).
+
+        Raises:
+            ClosureError: If no start leads to one: the error of the start with the smallest gap.
+        """
         random = np.random.default_rng(seed)
         model = self.mechanism.model
         failures = list[ClosureError]()
@@ -277,6 +283,7 @@ class Assembly:
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._error(trial)
             moving = [group for group in groups if step[group.rates].any()]
+            # `not <` instead of `>=`, so that a group whose error is NaN is worse too.
             worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
                 return trial, f_trial, moving
