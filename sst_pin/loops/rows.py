@@ -88,6 +88,7 @@ class FrameRows:
         Only the rates of the path between the frames count, as others do not change f.
         """
         J_of_path = J.take(self._path, axis=1)
+        # The product of shape (2, 6, nv) has J_B and J_A one after the other.
         return (J_of_path @ self._S_of_frames).reshape(12, -1)
 
 
