@@ -2,19 +2,23 @@
 """Partial derivatives of the closures' rows on the tree: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists [v; omega] and
-wrenches [force; moment] have the axes and the origin of the world. The acceleration a of a body is
-the rate of its twist t. The symbol x is the Lie bracket of twists.
+wrenches [force; moment] have the axes and the origin of the world. The acceleration a = t_dot is
+the rate of a twist t in time. The symbol x is the Lie bracket of twists.
 
 J_i is the twist that rate i of the tree gives, at unit speed, to all bodies after its joint. The
-body that carries this joint has the twist t_i and the acceleration a_i. A change of q_i moves all
-that is after the joint as one body, with the twist J_i. This turns and shifts the twist t - t_i of
-a frame there relative to the carrying body:
+body that carries this joint has the twist t_i and the acceleration a_i. A frame after the joint has
+the twist t and the acceleration a. Its twist relative to the carrying body is u = t - t_i. Seen
+from the carrying body, u has the rate b = a - a_i - t_i x u.
 
-    dt/dq_i = J_i x (t - t_i).
+A change of q_i, with all v and v_dot held, moves all that is after the joint as one body, with the
+twist J_i. So it turns and shifts u and b, but changes neither t_i nor a_i:
 
-Its rate is the derivative of the acceleration, as a = dt/dt. J_i moves with the carrying body, so
-that dJ_i/dt = t_i x J_i = -J_i x t_i:
+    du/dq_i = J_i x u,    db/dq_i = J_i x b.
 
+With t = t_i + u and a = a_i + b + t_i x u, and with Jacobi's identity
+t_i x (J_i x u) - J_i x (t_i x u) = -(J_i x t_i) x u, the derivatives are
+
+    dt/dq_i = J_i x (t - t_i),
     da/dq_i = J_i x (a - a_i) - (J_i x t_i) x (t - t_i).
 
 The parts of these derivatives that are the same for all frames are c_i and d_i:
@@ -22,7 +26,8 @@ The parts of these derivatives that are the same for all frames are c_i and d_i:
     c_i = J_i x t_i,                dt/dq_i = -t x J_i - c_i,
     d_i = J_i x a_i - c_i x t_i,    da/dq_i = -a x J_i + t x c_i - d_i.
 
-The derivative of a = dt/dt by a rate v_i is that of t by q_i, plus dJ_i/dt.
+The acceleration is a = J v_dot + J_dot v, and J_dot is the sum of v_i dJ/dq_i. So the derivative of
+a by v_i is (dJ/dq_i) v, which is dt/dq_i, plus column i of J_dot.
 
 `partials` is the main function. `TreeMotion` has c_i and d_i, `FrameMotions` the derivatives of
 twists and accelerations of frames.
@@ -93,8 +98,8 @@ class FrameMotions:
 
     Attributes:
         J: Jacobians: twists by each rate, shape (k, 6, nv).
-        twist: The twists t, shape (k, 6).
-        acceleration: Their rates a, shape (k, 6).
+        twist: The twist t of each frame, shape (k, 6).
+        acceleration: The acceleration a of each frame, shape (k, 6).
         twist_q: dt/dq, shape (k, 6, nv).
         acceleration_q: da/dq, shape (k, 6, nv).
         acceleration_v: da/dv, shape (k, 6, nv).
@@ -117,7 +122,7 @@ class FrameMotions:
         self.J = J
         self.twist = J.dot(motion.v)
         self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
-        # The formulas in the text of the module, for all i at once.
+        # The formulas with c_i and d_i in the text of the module, for all i at once.
         t_x = bracket_matrix(self.twist)
         a_x = bracket_matrix(self.acceleration)
         self.twist_q = -t_x @ J - c
@@ -180,7 +185,7 @@ class Partials(NamedTuple):
     couplings: list[CouplingPartials]
 
 
-def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
+def partials(loops: Loops, q: Array, motion: TreeMotion) -> Partials:
     """Derivatives of the rows' velocities and accelerations at q, where `loops` is evaluated."""
     velocity_q = np.zeros(loops.touched.shape)
     acceleration_q = np.zeros(loops.touched.shape)
@@ -189,7 +194,7 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
     # The velocity is W t, the acceleration W t_dot + W_dot t, with t = [t_B; t_A].
     closures: list[ClosurePartials] = []
     for rows in loops.of_frames:
-        frames = tree.frames_of(rows.frames)
+        frames = motion.frames_of(rows.frames)
         t = frames.twist.reshape(12)
         t_dot = frames.acceleration.reshape(12)
         J = frames.J.reshape(12, -1)
@@ -211,8 +216,8 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
         row = coupling.at.start
         for joint in coupling.joints:
             k = joint.rate
-            v = tree.v[k]
-            v_dot = tree.v_dot[k]
+            v = motion.v[k]
+            v_dot = motion.v_dot[k]
             second = float(joint.P_2(q[joint.entry]))
             third = joint.P_2.deriv()(q[joint.entry])
             velocity_q[row, k] = second * v
