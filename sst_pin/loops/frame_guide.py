@@ -41,8 +41,8 @@ _STEPS = 12
 _LONGEST = 0.5
 #: A step of at most this size is the last one: the size of the next one is about its square.
 _LAST = 1e-9
-#: The same for a pose that is only approached. There steps become shorter slowly, and the pose is
-#: on the way only.
+#: The same for a pose on the way, which is only approached. Near such a pose the steps become
+#: shorter slowly, and it need not be exact.
 _LAST_NEARBY = 1e-5
 #: Largest error of R R^T for a rotation R: six digits are enough.
 _NO_ROTATION = 1e-6
@@ -187,7 +187,7 @@ class FrameGuide:
         return Approach(end.q, missed, singular)
 
     def lead(self, q: Array, target: pin.SE3) -> Array:
-        """The configuration with the frame at a pose, reached by `follow`; an error without it."""
+        """The configuration where `follow` reaches a pose; an error if it ends before the pose."""
         end = self.follow(q, target, nearby=True)
         if end.missed:
             raise self._unreached(end, target)
