@@ -41,8 +41,8 @@ _TURN = np.pi
 #: Random starts shift joints by at most this in each direction, in lengths of the loop.
 _SLIDE = 1.0
 #: Configurations are the same if their keys (positions in robot lengths, rotation matrices) differ
-#: by less. Where two modes meet, the error of a configuration is the square root of the error of
-#: the loops, 3e-6 for 1e-11.
+#: by less. Where two modes meet, the error of the loops grows with the square of the distance from
+#: the mode. So if the loops are closed to 1e-11, configurations of one mode differ by up to 3e-6.
 _SAME = 1e-5
 
 
