@@ -201,9 +201,9 @@ def idle_rates(mechanism: Mechanism, loops: Loops, rows: Array) -> tuple[str, ..
     """
     space = mechanism.space
     passive = _passive_joints(mechanism, loops)
-    # In the motion of an idle joint, motors, rods and lines are at rest too. Without their rows, a
-    # platform on rods, which is a single joint of the tree, would count as idle: when it moves, no
-    # other joint of the tree does, but the rods do.
+    # In the motion of an idle joint, motors, lines and the rods of `Distance` closures, which have
+    # no joints, are at rest too. Without their rows, a platform on such rods would count as idle:
+    # it is a single joint of the tree, so that no other joint moves with it. But the rods do.
     of_motors = motor_rates(mechanism, loops.q_of_model, np.eye(len(space.rate_names)))
     rows = np.vstack([rows, of_motors, _rates_of_rods_and_lines(mechanism, loops)])
     idle = list[int]()
