@@ -74,23 +74,23 @@ def _random_basis(mechanism: Mechanism, rates: Array) -> Array:
     return np.asarray(basis)
 
 
-def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
-    """Whether Phi a = -Phi_dot v has a solution a for random rates v in the space of the motions.
+def has_accelerations(assembly: Assembly, Phi: Array, allowed: Array) -> bool:
+    """Whether Phi a = -Phi_dot v has a solution a for random rates v that Phi allows.
 
     It has one if N^T Phi_dot v = 0, where the columns of N span the left null space of Phi.
 
     Args:
         assembly: Newton's method; its loops must be evaluated at the configuration.
         Phi: Phi, free of units, in the columns of the rates that move.
-        motions: Orthonormal rates with Phi v = 0, free of units, shape (nv, k).
+        allowed: Orthonormal rates with Phi v = 0, free of units, shape (nv, k).
     """
     mechanism = assembly.mechanism
     loops = assembly.loops
     U, sizes, _ = np.linalg.svd(Phi)
     N = U[:, rank_of(sizes) :]
-    if not N.shape[1] or not motions.shape[1]:
+    if not N.shape[1] or not allowed.shape[1]:
         return True
-    v = motions @ (motions.T @ (random_step(mechanism, 1.0) / mechanism.rate_scale))
+    v = allowed @ (allowed.T @ (random_step(mechanism, 1.0) / mechanism.rate_scale))
     v /= np.linalg.norm(v)
     drift = loops.drift(v * mechanism.rate_scale) * mechanism.row_scale  # Phi_dot v
     # The loops are closed to `CLOSURE_TOLERANCE` at least, which makes errors of this size.
