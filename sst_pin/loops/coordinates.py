@@ -187,6 +187,8 @@ def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
     no_rates = np.zeros((mechanism.model.nv, 0))
     Phi = scaled_Phi(mechanism, loops, q)
     allowed_here = free_motions(Phi)
+    # Where motions branch, random rates that Phi allows are sums of rates of several branches. No
+    # motion begins with such a sum: accelerations that keep the loops closed do not exist.
     if has_accelerations(assembly, Phi, allowed_here):
         return no_rates
     guess = pin.integrate(mechanism.model, q, random_step(mechanism, _BESIDE))
