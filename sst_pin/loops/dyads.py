@@ -115,6 +115,8 @@ def _dyad(loops: Loops, closure: Constraint, rates: Indices, q: Array) -> _Dyad 
     tree = loops.tree
     if not isinstance(closure, Closure) or not holds_points(closure):
         return None
+    # A mimic joint has the index of the joint that it follows. So a rate that moves several joints
+    # makes more than two joints here, which are no dyad.
     joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
     if len(joints) != 2 or any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         return None
@@ -136,7 +138,7 @@ def _dyad(loops: Loops, closure: Constraint, rates: Indices, q: Array) -> _Dyad 
     point_a = _in_plane(plane, loops.data.oMf[frame_a].translation) - h
     point_b = _in_plane(plane, loops.data.oMf[frame_b].translation) - h
     # Which rates of the model move frame B, shape (nv,): those with a rate of the normal tree that
-    # moves its body.
+    # moves its body. For the two joints the entries of S are 1.
     moves_b = tree.supports[tree.model.frames[frame_b].parentJoint] @ tree.S > 0
     hinge_moves_b = moves_b[rates[hinge]]
     if hinge_moves_b:
@@ -186,11 +188,11 @@ def _plane(linear: Array, angular: Array) -> Array | None:
     """
     turns = np.linalg.norm(angular, axis=1)  # 1 for hinges, 0 for slides
     n = angular[0] if turns[0] else angular[1]
-    # Numbers that are zero for hinges parallel to n and slides normal to n.
-    not_unit = turns - turns.round()
+    # The next numbers are zero for hinges parallel to n and slides normal to n.
+    not_unit = turns - turns.round()  # not zero if the angular velocity is neither 0 nor 1
     not_parallel = np.cross(n, angular).ravel()
-    along_axis = np.vecdot(linear, angular)  # of screws
-    along_n = linear @ n  # of slides
+    along_axis = np.vecdot(linear, angular)  # not zero for screws
+    along_n = linear @ n  # not zero for slides that leave the plane
     out_of_plane = np.where(turns > 0, along_axis, along_n)
     largest = np.abs(np.concatenate([not_unit, out_of_plane, not_parallel])).max()
     if not n.any() or largest > _EQUAL:
