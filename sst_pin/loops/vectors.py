@@ -12,7 +12,7 @@ import pinocchio as pin
 from ..arrays import Array
 
 # Matrices that are linear in a vector or twist a: the sum of a_k times the matrices of unit vectors
-# or unit twists e_k, which stand in [:, k].
+# or unit twists e_k, which stand in [:, k]. `a.dot` sums over this index k.
 _SKEW = np.stack([pin.skew(e) for e in np.eye(3)], axis=1)
 _HAT = np.stack([pin.Motion(e).homogeneous for e in np.eye(6)], axis=1)
 _BRACKET = np.stack([pin.Motion(e).action for e in np.eye(6)], axis=1)
