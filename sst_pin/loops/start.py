@@ -67,8 +67,9 @@ def _home_or_neutral(engine: LoopEngine) -> Array:
 def start_of(engine: LoopEngine, *, chosen: bool = False) -> Array:
     """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
-    Without a home the loops are closed near zero. If they cannot be closed there, the result is a
-    generic configuration. If no configuration closes them, the result has open loops.
+    A home with loops that cannot be closed is returned with open loops. Without a home the loops
+    are closed near zero. If they cannot be closed there, the result is a generic configuration. If
+    no configuration closes them, the result is zero, with open loops.
 
     Warns:
         DescriptionWarning: If there is no home and the loops had to be closed. Not if `chosen`: the
@@ -111,7 +112,7 @@ def assemble(
     mechanism = engine.loops.mechanism
     model = mechanism.model
     has_options = tries > 1 or limits
-    brakes_hold = fixed is None
+    brakes_hold = fixed is None  # also if `fixed` is set to the joints named in q below
 
     # The guesses, and the rates that may move.
     if isinstance(q, Mapping):
@@ -135,10 +136,10 @@ def assemble(
             return engine.closed(start)
         assembly = engine.loops.assembly
 
-        def closed(free: Indices) -> Array:
+        def from_starts(free: Indices) -> Array:
             return assembly.try_starts(start, free, tries, seed, limits=limits)
 
-        return assembly.holding_brakes(free, closed) if brakes_hold else closed(free)
+        return assembly.holding_brakes(free, from_starts) if brakes_hold else from_starts(free)
 
     if guesses.ndim > 1 and guesses.shape[-1] in (model.nq, model.nv):
         return for_each_sample(assembled, [guesses], (1,), (model.nq,))
