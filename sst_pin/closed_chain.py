@@ -231,6 +231,7 @@ class ClosedChain(RobotProperties, Summary):
         is a `DescriptionWarning`; see `dynamic_parameters.scale_mass`.
         """
         chain = copy(self)
+        # `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
         model, numbers, lines = regressor.changed(chain.engine.mechanism, theta)
         chain._fill(model, partial(chain._recipe, numbers=numbers, lines=lines))
         return chain
