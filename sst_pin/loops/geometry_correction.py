@@ -62,8 +62,8 @@ from .guesses import home_of, random_step
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
 
-# Numbers of poses, tries and steps, and the widths of random steps, are choices. Widths are [rad], or
-# lengths of the loop.
+# Numbers of poses, tries and steps, and the widths of random steps, are choices. Widths are [rad],
+# or lengths of the loop.
 
 #: Widths of random steps to the start. The first try steps from home or `pin.neutral`, each other
 #: try from the pose of the last one. The last try spreads angles over the whole turn. With fewer
@@ -490,9 +490,9 @@ class _Robot:
             _, placement = place_of(self.mechanism.model, place)
             lengths += placement.translation.tolist()
             angles += pin.rpy.matrixToRpy(placement.rotation).tolist()
-        # Most files write lengths and angles with the same number of digits. So all numbers together
-        # tell the digits of lengths, of which there may be few. Angles may have more digits, such as
-        # 1.5708 where lengths are in millimetres. So they are also judged alone.
+        # Most files write lengths and angles with the same number of digits. So all numbers
+        # together tell the digits of lengths, of which there may be few. Angles may have more
+        # digits, such as 1.5708 where lengths are in millimetres. So they are also judged alone.
         half_digit_of_lengths = half_a_digit(np.array(lengths + angles))
         half_digit_of_angles = min(half_digit_of_lengths, half_a_digit(np.array(angles)))
         gap = self.gap(self.closest(q, part.rates), part)
