@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Measurements from which a geometry is calibrated: poses, heights and distances.
 
-Each measurement compares a frame B of the robot with a reference frame A in N configurations. Its
-rows are the differences from the measured values, and their derivatives by errors of the geometry.
-Rows of one kind, positions or orientations, have the same unit and the same noise.
+Each measurement compares a frame B of the robot with a reference frame A in N configurations. Each
+measured number gives a row of the equations A de = z: z is the measured minus the computed value,
+and A de is the change of the computed value by changes de of errors of the geometry. Values of one
+kind, positions or orientations, have the same unit and the same noise.
+
+A measuring system whose base is at an unknown place needs a first guess of this place: the methods
+`guess_of_base`.
 """
 
 from __future__ import annotations
@@ -22,10 +26,12 @@ from ..errors import InputError
 from ..loops.frame_guide import rotations
 from ..loops.vectors import skew
 
-#: Positions are in a row if their second principal extent, squared, is below this part.
+#: Poses do not determine a base if their positions are in a row: if their second principal extent,
+#: squared, is below this part of the first one, squared.
 _IN_A_ROW = 1e-8
-#: Positions are in a plane if their third principal extent is below this part of the first one:
-#: then errors of the geometry decide on which side of the plane a point is.
+#: A principal extent of positions, for distances from a point, counts as zero below this part of
+#: the first one. If the third one is zero, the positions are in a plane: then errors of the
+#: geometry decide on which side of the plane the point is.
 _IN_A_PLANE = 1e-3
 #: A point is in the plane if its height is below this part of its distance within the plane. The
 #: height is the root of a difference of squares: errors of 0.5 % of the distance give 0.1.
@@ -36,8 +42,8 @@ class MeasuredFrames(NamedTuple):
     """The two frames of a measurement in N configurations, and their derivatives by k errors.
 
     Attributes:
-        a, b: Placements in the base, shape (N, 4, 4).
-        J_a, J_b: [linear; angular] in base axes, shape (N, 6, k).
+        a, b: Placements of A and B in the base, shape (N, 4, 4).
+        J_a, J_b: Their Jacobians, [linear; angular] in base axes, shape (N, 6, k).
     """
 
     a: Array
@@ -49,8 +55,9 @@ class MeasuredFrames(NamedTuple):
         """The origin of B in A, shape (N, 3), and its derivatives, shape (N, 3, k).
 
         The position is p = R_a^T d with d = x_b - x_a in base axes. If A moves with the velocity
-        v_a and the angular velocity w_a, and B with v_b, then p' = R_a^T (v_b - v_a - w_a x d), and
-        -w_a x d = d x w_a.
+        v_a and the angular velocity w_a, and B with v_b, then p' = R_a^T (v_b - v_a - w_a x d).
+        With -w_a x d = skew(d) w_a, and J_a and J_b in place of the velocities, this gives the
+        derivatives by the errors.
         """
         R_a_transposed = self.a[:, :3, :3].mT
         d = self.b[:, :3, 3] - self.a[:, :3, 3]
@@ -59,12 +66,12 @@ class MeasuredFrames(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows of one kind: measured less computed values, and derivatives of the computed ones.
+    """Rows of the equations A de = z for the values of one kind.
 
     Attributes:
-        z: Shape (rows,), [m] or [rad].
-        A: Shape (rows, k).
-        are_angles: Whether they are angles, [rad], or else lengths, [m].
+        z: Measured minus computed values, shape (rows,), [m] or [rad].
+        A: Derivatives of the computed values by k errors, shape (rows, k).
+        are_angles: Whether the values are angles, [rad]; otherwise they are lengths, [m].
     """
 
     z: Array
@@ -121,22 +128,25 @@ class Measurement(ABC):
 
     @property
     def number_of_kinds(self) -> int:
-        """Number of kinds of rows: 1, or 2 for positions and orientations."""
+        """Number of kinds of values: 1, or 2 for positions and orientations."""
         return 1
 
     @property
     def noise_of_kinds(self) -> list[float | None]:
-        """The noise of each kind of rows; None to estimate it."""
+        """The noise of each kind of values; None to estimate it."""
         stated = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
         noises = [None if x is None else positive_number("noise", x) for x in stated]
         return noises[: self.number_of_kinds]
 
     @abstractmethod
     def rows(self, frames: MeasuredFrames) -> list[Rows]:
-        """Rows of each kind, in a fixed order, without values that were not measured."""
+        """Rows for the values of each kind that were measured, the kinds in a fixed order."""
 
     def guess_of_base(self, b: Array) -> pin.SE3:
-        """A first guess of the reference in the base, from placements of B as drawn."""
+        """A first guess of the measuring system's placement in the base of the robot.
+
+        b has the placements of the measured frame in the base, of the robot as drawn, (N, 4, 4).
+        """
         return pin.SE3.Identity()
 
 
@@ -174,7 +184,7 @@ class Poses(Measurement):
         return size
 
     def _check_orientations(self, poses: Array) -> None:
-        """Refuse homogeneous matrices with orientations measured in part, or that are none."""
+        """Refuse orientations that are measured in part, and what is no homogeneous matrix."""
         if isinstance(self.noise, (int, float)):
             raise InputError("noise", "of poses: two numbers, of positions and orientations")
         R = poses[:, :3, :3]
@@ -202,23 +212,31 @@ class Poses(Measurement):
         return array if array.ndim == 2 else array[:, :3, 3]
 
     def rows(self, frames: MeasuredFrames) -> list[Rows]:
-        """Rows of positions, then of orientations if there are any."""
+        """Rows for the positions, then for the orientations if the poses have them."""
         p, J = frames.positions()
         measured = self.measured_positions
         is_measured = np.isfinite(measured)
         kinds = [Rows((measured - p)[is_measured], J[is_measured])]
         array = np.asarray(self.poses, dtype=float)
         if array.ndim == 3:
-            k = np.flatnonzero(np.isfinite(array[:, :3, :3]).all(axis=(1, 2)))
-            to_a = frames.a[k, :3, :3].mT
-            R = to_a @ frames.b[k, :3, :3]
-            # Rotation vectors from the computed to the measured orientations, in axes of A.
-            z = []
-            for computed, measured_R in zip(R, array[k, :3, :3], strict=True):
-                z.append(computed @ pin.log3(computed.T @ measured_R))
-            A = to_a @ (frames.J_b[k, 3:] - frames.J_a[k, 3:])
-            kinds.append(Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), are_angles=True))
+            kinds.append(self._rows_of_orientations(frames, array[:, :3, :3]))
         return kinds
+
+    def _rows_of_orientations(self, frames: MeasuredFrames, R_measured: Array) -> Rows:
+        """Rows for the measured orientations of B in A, shape (N, 3, 3), three rows for each.
+
+        The difference of two orientations is the rotation vector from the computed to the measured
+        one, in the axes of A.
+        """
+        k = np.flatnonzero(np.isfinite(R_measured).all(axis=(1, 2)))
+        R_a_transposed = frames.a[k, :3, :3].mT
+        R_computed = R_a_transposed @ frames.b[k, :3, :3]
+        z = []
+        for computed, measured in zip(R_computed, R_measured[k], strict=True):
+            in_axes_of_b = pin.log3(computed.T @ measured)
+            z.append(computed @ in_axes_of_b)
+        A = R_a_transposed @ (frames.J_b[k, 3:] - frames.J_a[k, 3:])
+        return Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), are_angles=True)
 
     def guess_of_base(self, b: Array) -> pin.SE3:
         """The rigid motion that fits the measured positions to the frame's (Kabsch)."""
@@ -274,7 +292,7 @@ class Heights(Measurement):
         u = u / np.linalg.norm(u, axis=1, keepdims=True)
         z = np.asarray(self.heights, dtype=float) - np.vecdot(u, p)
         k = np.isfinite(z)
-        return [Rows(z[k], (u[:, None] @ J)[k, 0])]
+        return [Rows(z[k], _along(u[k], J[k]))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,8 +332,8 @@ class Distances(Measurement):
         k = np.isfinite(z)
         if not lengths[k].all():
             raise InputError("distances", f"{self.reference} and {self.end} are in one place")
-        u = p[k] / lengths[k, None]
-        return [Rows(z[k], (u[:, None] @ J[k])[:, 0])]
+        u = p[k] / lengths[k, None]  # unit vectors from A to B, in axes of A
+        return [Rows(z[k], _along(u, J[k]))]
 
     def guess_of_base(self, b: Array) -> pin.SE3:
         """The point at the measured distances from the frame's positions, without a rotation."""
@@ -327,31 +345,42 @@ class Distances(Measurement):
         return pin.SE3(np.eye(3), _trilaterated(positions, d[k]))
 
 
+def _along(u: Array, J: Array) -> Array:
+    """Derivatives u^T J along directions u, shape (N, 3), of vectors with derivatives (N, 3, k)."""
+    return (u[:, None, :] @ J)[:, 0]
+
+
 def _trilaterated(positions: Array, d: Array) -> Array:
     """The point at distances d, shape (N,), from N positions, N >= 4: trilateration.
 
-    For c and r relative to the mean of the positions, |r - c|^2 = d^2. Less its mean over all
-    positions, this is linear in c: 2 r . c = |r|^2 - d^2, less its mean. The mean itself is
-    |c|^2 = mean(d^2 - |r|^2).
+    Let r be a position and c the point, both relative to the mean of all positions. The equation
+    |r - c|^2 = d^2 is
+
+        2 r . c = g + |c|^2,    g = |r|^2 - d^2.
+
+    The mean of r is zero. So the mean of these equations gives |c|^2 = -mean(g), and each equation
+    minus the mean is linear in c: 2 r . c = g - mean(g).
     """
     mean = positions.mean(axis=0)
     r = positions - mean
-    right_side = np.sum(r**2, axis=1) - d**2
+    g = np.sum(r**2, axis=1) - d**2
     U, s, Vt = np.linalg.svd(r, full_matrices=False)
     if s[1] <= _IN_A_PLANE * s[0]:
         raise InputError("distances", "of an unknown system: the positions are in a row")
-    # Coordinates of c along the principal axes of the positions, by the linear equations. The third
-    # one is sensitive to errors where the positions are almost in a plane. Then it follows from
-    # |c|^2, but for its sign.
-    first, second, third = U.T @ (right_side - right_side.mean()) / (2 * np.maximum(s, 1e-300))
-    height = np.sqrt(max(-right_side.mean() - first**2 - second**2, 0.0))
-    guesses = [[first, second, third], [first, second, height], [first, second, -height]]
+    # The components of c along the principal axes of the positions, which are the rows of Vt, solve
+    # the linear equations 2 U diag(s) (Vt c) = g - mean(g).
+    first, second, third = U.T @ (g - g.mean()) / (2 * np.maximum(s, 1e-300))
+    # The third component is sensitive to errors where the positions are almost in a plane. Then it
+    # follows from |c|^2, but for its sign.
+    height = np.sqrt(max(-g.mean() - first**2 - second**2, 0.0))
     if s[2] <= _IN_A_PLANE * s[0]:
-        guesses = [[first, second, 0.0]]
         if height > _ABOVE_PLANE * np.hypot(first, second):
             problem = "the positions are in a plane, and the other place is on one of its sides"
             cure = "give a frame near it, other="
             raise InputError("distances", f"of an unknown system: {problem}; {cure}")
+        guesses = [[first, second, 0.0]]
+    else:
+        guesses = [[first, second, third], [first, second, height], [first, second, -height]]
 
     def misfit(c: Array) -> float:
         return float(np.sum((np.linalg.norm(r - c, axis=1) - d) ** 2))
