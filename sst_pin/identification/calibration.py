@@ -10,6 +10,7 @@ errors. `error_fit` finds the errors that fit the measurements.
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,14 +35,15 @@ from ..simulation.coordinate_motions import configurations_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .enlarged_robot import EnlargedRobot, considered_errors, error_names
-from .error_fit import ErrorEstimate, ErrorFit, KindEquations, first_noise
+from .error_fit import ConvergenceError, ErrorEstimate, ErrorFit, KindEquations, first_noise
 from .geometry_measurements import Measurement, Poses, frames_of
 from .measuring_systems import with_systems
 from .urdf_origins import with_origins
 
-#: An error is hidden if the columns of errors before it explain all of its column but a part with
-#: less than this fraction of its length. The first tolerance with which Newton's method converges
-#: is used: 1e-6 is the rounding of derivatives with a margin; a part below 1e-3 tells no error.
+#: Each error has a column of derivatives of the measured values. The error is hidden if its column
+#: is a combination of the columns before it, up to a remainder that is shorter than the column by
+#: this factor. The first of these tolerances with which Newton's method converges is used. The
+#: derivatives are rounded to less than 1e-6. A remainder below 1e-3 says too little of an error.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 
 
@@ -62,8 +64,8 @@ class Calibration(Summary):
         hidden: Errors that cannot be distinguished from those found, or change nothing; they are
             zero.
         chain: The robot with the calibrated geometry.
-        placements: Of unknown measuring systems, homogeneous matrices: `<name>_base` in the base of
-            the robot, `<name>_target` in the frame that was measured.
+        placements: Homogeneous matrices of what was unknown of measuring systems, by name:
+            `<name>_base` in the base of the robot, `<name>_target` in the frame that was measured.
     """
 
     names: tuple[str, ...]
@@ -109,12 +111,13 @@ class Calibration(Summary):
             warn_caller(_lengths_in_yaml(mechanism.closures, rods), DescriptionWarning)
         changes = dict[str, pin.SE3]()
         for place, displacement in geometry.displacements(mechanism, errors_of_robot).items():
-            # The model has the calibrated orientation, which is the drawn one times the rotation of
-            # the displacement. The displacement is along the axes of the drawn one.
-            rotation = geometry.relative(pin.SE3.Identity(), displacement).rotation
-            calibrated = geometry.place_of(mechanism.model, place)[1].rotation
-            drawn = pin.SE3(calibrated @ rotation.T, np.zeros(3))
-            changes[place] = geometry.relative(drawn, displacement)
+            # The calibrated placement is P D, with the drawn placement P, which the URDF has, and
+            # D = relative(P, displacement). D depends on P only by the rotation of P, and the
+            # rotation of D not at all. So the rotation of P follows from the one of P D.
+            R_of_D = geometry.relative(pin.SE3.Identity(), displacement).rotation
+            R_of_PD = geometry.place_of(mechanism.model, place)[1].rotation
+            drawn_orientation = pin.SE3(R_of_PD @ R_of_D.T, np.zeros(3))
+            changes[place] = geometry.relative(drawn_orientation, displacement)
         return with_origins(urdf, mechanism.model, changes, folder)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
@@ -158,8 +161,8 @@ def calibrate(
 
     Raises:
         InputError: For fewer equations than errors that they could show, errors of `which` that
-            open the loops or that the URDF cannot store, poses ten lengths of the robot away, or
-            poses from which Newton's method does not settle.
+            open the loops or that the URDF cannot store, poses ten lengths of the robot away, poses
+            from which Newton's method does not converge, or a robot with brakes and no `start`.
         ClosureError: If a pose cannot be assembled.
 
     Example:
@@ -221,8 +224,8 @@ def calibrate_with(
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")
     counts = [measurement.count(len(chain.coordinates)) for measurement in systems]
 
-    # The robot as drawn in the measured configurations, with frames for what is unknown of the
-    # measuring systems.
+    # The measured configurations of the robot as drawn. Where the base or the target of a measuring
+    # system is unknown, the robot gets a frame for it: `carriers` has the names of these frames.
     q_of_systems = []
     for measurement in systems:
         x = np.asarray(measurement.x, dtype=float)
@@ -312,8 +315,9 @@ def _enlarged(
 def _visible_errors(fit: ErrorFit, q: Array) -> tuple[Indices, ErrorEstimate]:
     """Numbers of the errors that the measurements show, and their values.
 
-    Errors are visible if the columns of their derivatives at q are independent. A column that is
-    nearly dependent can keep Newton's method from converging: then the tolerance is increased.
+    Errors are visible if the columns of their derivatives at the configurations q, without errors,
+    are independent. A column that is nearly dependent can keep Newton's method from converging.
+    Then the next larger tolerance leaves it out.
     """
     try:
         equations = fit.equations(q)
@@ -322,23 +326,21 @@ def _visible_errors(fit: ErrorFit, q: Array) -> tuple[Indices, ErrorEstimate]:
         raise InputError("which", f'{problem}, such as those of motors, "motor.r*"') from None
     noise = first_noise(equations)
     A = np.concatenate([kind.A for kind in equations])
-    for tolerance in _TOLERANCES[:-1]:
+
+    def estimate(tolerance: float) -> tuple[Indices, ErrorEstimate]:
         visible = independent(A, tolerance)
         _require_enough(equations, visible.size)
-        try:
-            return visible, fit.estimate(q, visible, noise)
-        except InputError as error:
-            # Too few values for a noise are the caller's: fewer errors must not hide that.
-            if error.name == "noise":
-                raise
-            continue  # Newton's method did not converge
-    visible = independent(A, _TOLERANCES[-1])
-    _require_enough(equations, visible.size)
-    return visible, fit.estimate(q, visible, noise)
+        return visible, fit.estimate(q, visible, noise)
+
+    *smaller_tolerances, largest_tolerance = _TOLERANCES
+    for tolerance in smaller_tolerances:
+        with suppress(ConvergenceError):
+            return estimate(tolerance)
+    return estimate(largest_tolerance)
 
 
 def _require_enough(equations: Sequence[KindEquations], errors: int) -> None:
-    """Refuse fewer equations than errors, and than one more if a noise is estimated."""
+    """Refuse fewer equations than unknowns: the errors, and one noise if any is estimated."""
     count = sum(len(kind.z) for kind in equations)
     needed = errors
     if any(kind.stated_noise is None for kind in equations):
@@ -349,7 +351,7 @@ def _require_enough(equations: Sequence[KindEquations], errors: int) -> None:
 
 
 def _lengths_in_yaml(closures: Iterable[Constraint], rods: Container[str]) -> str:
-    """What to write into a YAML for the lengths of rods."""
+    """A sentence that says what to write into a YAML for the lengths of rods."""
     entries = []
     for closure in closures:
         if isinstance(closure, Distance) and str(closure) in rods:

@@ -36,8 +36,8 @@ from .least_squares import solved
 _STEPS = 30
 #: The method has converged if no error changes by more.
 _CONVERGED = 1e-9
-#: Without convergence: the largest last step that is accepted, in standard deviations of the
-#: errors. Then the noise, not the method, limits the result.
+#: If the method has not converged, its result is still accepted if the last step is at most this
+#: part of the standard deviation of each error: then the noise limits the accuracy.
 _UNSURE = 0.01
 #: Least ratio of the noises of two kinds: a smaller one is rounding.
 _LEAST_NOISE = 1e-4
@@ -50,6 +50,10 @@ _FALSE_ALARM = 1e-6
 #: Farther from the robot as drawn, in its lengths, a value has another unit or another base.
 _FAR = 10.0
 _TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
+
+
+class ConvergenceError(InputError):
+    """Newton's method does not find errors that fit the measurements."""
 
 
 class KindEquations(NamedTuple):
@@ -88,7 +92,8 @@ class _Step(NamedTuple):
     root: Array
     #: Residuals of each kind, in units of its noise.
     residuals: list[Array]
-    #: Diagonal of the hat matrix, for each kind: the part of a residual that the errors take.
+    #: Diagonal of the hat matrix H, for each kind. The residuals are (1 - H) z, so the variance of
+    #: residual i is 1 - H_ii in units of the noise.
     leverages: list[Array]
 
 
@@ -109,6 +114,7 @@ class ErrorFit:
         self._measurements = measurements
         self._starts = np.cumsum(counts)[:-1]
         mechanism = enlarged.chain.mechanism
+        # The errors of the enlarged robot are the positions of some of its coordinates.
         #: Units of the errors, shape (k,).
         self._units = mechanism.rate_scale[mechanism.coordinates[enlarged.columns]]
 
@@ -137,7 +143,7 @@ class ErrorFit:
         return equations
 
     def _frame(self, q: Array, name: str) -> tuple[Array, Array]:
-        """Placements of a frame, (N, 4, 4), and their derivatives by the errors, (N, 6, k)."""
+        """Placements of a frame, (N, 4, 4), and its Jacobians by the errors, (N, 6, k)."""
         chain = self._enlarged.chain
         J = chain.frame_jacobian(q, name)
         return chain.engine.loops.placements(q, name), J[..., self._enlarged.columns]
@@ -145,8 +151,14 @@ class ErrorFit:
     def estimate(self, q: Array, visible: Indices, noise: Array) -> ErrorEstimate:
         """The errors with the numbers `visible`, by Newton's method; all others are zero.
 
-        It starts at configurations q of all measurements without errors, with a guess of the noise
-        of each kind.
+        Args:
+            q: Configurations of all measurements without errors, shape (N, nq).
+            visible: Numbers of the errors, shape (k,).
+            noise: A guess of the noise of each kind of values.
+
+        Raises:
+            ConvergenceError: If Newton's method does not converge.
+            InputError: If the values are too few to estimate their noise.
         """
         units = self._units[visible]
         names = [self._enlarged.errors[k] for k in visible]
@@ -158,7 +170,7 @@ class ErrorFit:
                 equations = self.equations(q)
                 step = _newton_step(equations, visible, noise)
             except (ClosureError, SingularConfigurationError, InputError):
-                raise InputError("poses", _TOO_LARGE) from None
+                raise ConvergenceError("poses", _TOO_LARGE) from None
             errors += step.change
             noise = _updated_noise(noise, equations, step)
             # The first step is weighted by a guess of the noise: it is never the last one.
@@ -168,7 +180,7 @@ class ErrorFit:
         deviations = np.linalg.norm(step.root, axis=1)
         if not converged and (np.abs(step.change) > _UNSURE * deviations).any():
             problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
-            raise InputError("poses", problem)
+            raise ConvergenceError("poses", problem)
         for kind, residuals, leverages in zip(
             equations, step.residuals, step.leverages, strict=True
         ):
@@ -209,7 +221,10 @@ def first_noise(equations: Sequence[KindEquations]) -> Array:
 
 
 def _updated_noise(noise: Array, equations: Sequence[KindEquations], step: _Step) -> Array:
-    """The noise of each kind, stated or from the residuals of a step, which `noise` weighted."""
+    """The noise of each kind: the stated one, or an estimate from the residuals of a step.
+
+    `noise` is the noise that weighted the equations of the step.
+    """
     updated = np.zeros(len(noise))
     for k, kind in enumerate(equations):
         if kind.stated_noise is None:
