@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Estimates base parameters from measured motions and torques."""
+"""Estimates base parameters from measured motions and torques.
+
+`estimate` is the main function. It makes the equations Y theta = J^T tau of all samples
+(`_equations`), and solves them by weighted least squares (`_fit`) until the weights, which follow
+from the residuals, do not change. `torque_noise` has the formulas for the noise of the motors.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +30,12 @@ from .torque_noise import (
     whitened,
 )
 
-#: Residuals up to this number of standard deviations count in full (P. J. Huber).
+#: With `robust`, residuals above this number of standard deviations count less (P. J. Huber). With
+#: this number and normal noise, the variance of the estimate is 5 % larger than without `robust`.
 _HUBER = 1.345
 #: Median of the absolute values of normal noise, in standard deviations.
 _MEDIAN_OF_NORMAL = 0.6745
-#: Most iterations for the noise, and its last relative change.
+#: Most iterations for the noise. It has converged if its relative change is at most `_CONVERGED`.
 _ITERATIONS = 100
 _CONVERGED = 1e-4
 #: Level of the intervals: the probability within three standard deviations.
@@ -37,7 +43,7 @@ INTERVAL = 0.9973
 #: Fewest degrees of freedom of the residuals of a motor. With fewer, the noise of one motor can
 #: vanish, and the intervals hold far less than their level.
 _LEAST_FREEDOM = 5.0
-#: Squares of larger torques, in units of their rounding, are not finite.
+#: Largest torque that is accepted: squares of larger ones, divided by their rounding, overflow.
 _LARGEST = 1e100
 
 
@@ -48,13 +54,13 @@ class Estimate(Summary):
     Attributes:
         base: The combinations.
         values: Their values, shape (b,).
-        covariance: Their covariance, shape (b, b), for torques whose noise is independent from
-            sample to sample before the filter of `decimate`.
-        noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
-            for all where there are more motors than degrees of freedom.
+        covariance: Their covariance, shape (b, b). The noise of the measured torques is taken as
+            independent from sample to sample, before the filter of `decimate`.
+        noise: Standard deviation of each motor's torque from the model, shape (motors,). If there
+            are more motors than degrees of freedom, all have the same.
         degrees_of_freedom: Number of independent residuals that show the noise of a motor, for the
             motor with the fewest.
-        decimate: One sample of this many was used, after a filter.
+        decimate: One sample of this many was used, after a low-pass filter.
     """
 
     base: BaseParameters
@@ -73,8 +79,8 @@ class Estimate(Summary):
         """Half-widths of the confidence intervals of the values, shape (b,), by Student's t.
 
         Args:
-            level: Part of all estimates whose interval contains the true value. The default is that
-                of three standard deviations, if these are known.
+            level: Probability that an interval contains the true value. By default the probability
+                that a normal variable is within three standard deviations.
         """
         from scipy.stats import t
 
@@ -114,8 +120,9 @@ def estimate(
 
     Each motor is weighted by its own noise, which the residuals show; with more motors than degrees
     of freedom all have the same noise. Parameters that `base` does not consider keep the values of
-    the chain. With `decimate` both sides of the equations are filtered alike, so friction that
-    jumps has no bias (M. Gautier, ICRA 1997); the torques must not be filtered before.
+    the chain. With `decimate` the regressor and the torques pass the same filter. So Coulomb
+    friction, which jumps, is estimated without bias (M. Gautier, ICRA 1997). The torques must not
+    be filtered before.
 
     Args:
         chain: The robot.
@@ -128,7 +135,7 @@ def estimate(
             then: with 3 % outliers in 800 samples, intervals of 95 % held the true values in 93 %
             (decimate=10) to 98 % (decimate=2) of the logs of a five-bar.
         decimate: One sample of this many, evenly spaced in time, is used, after a low-pass filter
-            forwards and backwards. As in `measured_motion`.
+            forwards and backwards. Give the same number as to `measured_motion`.
 
     Raises:
         InputError: For wrong shapes, base parameters of another robot, fewer motors than
@@ -159,30 +166,32 @@ def estimate(
     equations = _equations(chain, base, Y, measured, q, va, decimate)
     correlations = noise_correlations(decimate)
 
-    # Weighted least squares. The noise of each motor follows from the residuals, and the weights
-    # from the noise, until it does not change.
+    # Weighted least squares. The weights follow from the noise of each motor, and the noise from
+    # the residuals: sqrt(sum of squared torque errors / degrees of freedom).
     noise = np.ones(motors)
     huber_weights = np.ones(equations.forces.shape)
     for _ in range(_ITERATIONS):
         fit = _fit(equations, noise, huber_weights, correlations)
         squares = _squared_torque_errors(fit, noise, robust)
         freedom = fit.spread.freedom
-        if motors > n:  # the motion does not show the shares of single motors
+        if motors > n:  # single motors cannot be distinguished: one noise for all
             squares = np.full(motors, squares.sum())
             freedom = np.full(motors, freedom.sum())
+        # Degrees of freedom of as many residuals without correlations.
         independent_freedom = freedom / samples_per_independent_sample(correlations)
         _require_freedom(chain, independent_freedom, len(Y), len(base))
         if robust:
             huber_weights = _huber_weights(fit.residuals)
         updated = np.sqrt(squares / freedom)
         converged = np.allclose(updated, noise, rtol=_CONVERGED, atol=0)
-        # Exact torques have no noise; then the rounding of the torques is the noise.
-        noise = np.maximum(updated, 1e-14 * np.abs(measured).max() + 1e-150)
+        # Exact torques have no noise; then their rounding is the noise. It must not be zero.
+        rounding = 1e-14 * np.abs(measured).max() + 1e-150
+        noise = np.maximum(updated, rounding)
         if converged:
             break
 
     if robust:
-        covariance = _huber_covariance(fit, noise, correlations)
+        covariance = _huber_covariance(fit, correlations)
     else:
         covariance = fit.spread.covariance
     return Estimate(
@@ -215,55 +224,60 @@ def _equations(
     va: ArrayLike,
     decimate: int,
 ) -> _Equations:
-    """The equations Y theta = J^T tau, for measured torques, filtered and decimated.
+    """The equations for measured torques, shape (N, motors), filtered and decimated.
 
-    Parameters that are not considered go to the right side.
+    The forces due to parameters that are not considered go to the right side. Y has the regressors
+    of all parameters, shape (N, n, p).
     """
     if decimate > 1:
         Y = _with_mean_friction(chain, Y, q, va)
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
-    forces = (measured[:, None, :] @ J)[:, 0] - Y @ known
+    J_T_tau = (measured[:, None, :] @ J)[:, 0]
+    forces = J_T_tau - Y @ known
     if decimate > 1:
-        J = J[::decimate][1:-1]  # the samples of `decimated`
+        # J changes slowly and is not filtered. These are the samples that `decimated` takes.
+        J = J[::decimate][1:-1]
     return _Equations(
         J=J, Y=decimated(Y[..., base.columns], decimate), forces=decimated(forces, decimate)
     )
 
 
 def _with_mean_friction(chain: ClosedChain, Y: Array, q: ArrayLike, va: ArrayLike) -> Array:
-    """Regressors whose columns of dry friction are means over the time about each sample.
+    """Regressors whose columns of Coulomb friction are means over the time about each sample.
 
-    A filter sees when dry friction changes its sign. Samples show only between which two of them
-    this was; their mean over the time shows it.
+    Filtered torques depend on the time at which a rate changes its sign, also between two samples.
+    The column of a sample, sign(v), has only the sign at the sample. The mean of sign(v) over the
+    time about the sample has this information.
     """
     names = chain.dynamic_parameters.names
+    # Columns for Coulomb friction of joints, then of lines, in the order of `rates`.
     columns = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
     v = chain.joint_rates(q, va)
-    # The columns are those of joints, then those of lines.
     rates = np.hstack([v, chain.engine.line_rates(q, v)])
     Y = Y.copy()
-    Y[..., columns] *= _mean_signs(rates)[:, None]
+    Y[..., columns] *= _mean_signs_by_signs(rates)[:, None]
     return Y
 
 
-def _mean_signs(v: Array) -> Array:
-    """The mean of sign(v) about each sample over sign(v) there, for rates v of shape (N, k).
+def _mean_signs_by_signs(v: Array) -> Array:
+    """The mean of sign(v) about each sample, divided by sign(v) at the sample; v has shape (N, k).
 
-    The mean is over half a sample before and half a sample after, along straight lines between the
-    samples. So filtered friction shows when the sign changes between samples.
+    The mean is over the time from half a sample before to half a sample after, where v is linear
+    between the samples.
     """
     middles = (v[1:] + v[:-1]) / 2
-    before = _mean_sign_to(v, np.concatenate([v[:1], middles]))
-    after = _mean_sign_to(v, np.concatenate([middles, v[-1:]]))
+    before = _mean_sign_by_sign(v, np.concatenate([v[:1], middles]))
+    after = _mean_sign_by_sign(v, np.concatenate([middles, v[-1:]]))
     return np.mean([before, after], axis=0)
 
 
-def _mean_sign_to(v: Array, end: Array) -> Array:
-    """The mean of sign along straight lines from v to an end e, times sign(v).
+def _mean_sign_by_sign(v: Array, end: Array) -> Array:
+    """The mean of sign(x), where x changes linearly from v to an end e, divided by sign(v).
 
-    The mean is (|e| - |v|) / (e - v).
+    The mean is (|e| - |v|) / (e - v), because d|x|/dx = sign(x). Where v is zero or does not
+    change, the quotient is 1.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (np.abs(end) - np.abs(v)) / (end - v) * np.sign(v)
@@ -283,7 +297,10 @@ class _Fit(NamedTuple):
 
 
 def _fit(equations: _Equations, noise: Array, weights: Array, correlations: Array) -> _Fit:
-    """The solution for the noise of each motor, with weights of the equations, shape (N, n)."""
+    """The solution for a noise of each motor, shape (motors,).
+
+    `weights`, shape (N, n), are factors of the equations, beside those by the noise.
+    """
     whitened_equations = whitened(equations.J, noise, equations.Y, equations.forces)
     A = whitened_equations.A
     z = whitened_equations.z
@@ -298,10 +315,12 @@ def _fit(equations: _Equations, noise: Array, weights: Array, correlations: Arra
 
 
 def _squared_torque_errors(fit: _Fit, noise: Array, robust: bool) -> Array:
-    """Sum of the squared torque errors of each motor, shape (motors,), for the noise of the fit.
+    """Sum of the squared torque errors of each motor, shape (motors,).
 
-    If `robust`, it is estimated from the median of their sizes, which outliers do not change.
+    `noise` is the noise of the fit. If `robust`, the sum is estimated from the median of the sizes
+    of the errors, on which outliers have little effect.
     """
+    # P maps whitened residuals to torques in units of their noise; see `torque_noise`.
     torque_errors = noise * (fit.whitened.P @ fit.residuals[..., None])[..., 0]
     if robust:
         deviations = np.median(np.abs(torque_errors), axis=0) / _MEDIAN_OF_NORMAL
@@ -309,16 +328,19 @@ def _squared_torque_errors(fit: _Fit, noise: Array, robust: bool) -> Array:
     return np.asarray(np.sum(torque_errors**2, axis=0))
 
 
-# --- Huber's function: a residual r counts as r^2 if |r| <= k, and else as 2 k |r| - k^2 ---------
+# --- Huber's function for k = _HUBER: r^2 for a residual |r| <= k, and else 2 k |r| - k^2 ---------
 
 
 def _huber_weights(residuals: Array) -> Array:
-    """Factors of the equations with which least squares minimises the sum of Huber's function."""
+    """Factors of the equations with which least squares minimises the sum of Huber's function.
+
+    A factor squared is the derivative of Huber's function divided by 2 r: 1 or k / |r|.
+    """
     return np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(residuals), 1e-300)))
 
 
-def _huber_covariance(fit: _Fit, noise: Array, correlations: Array) -> Array:
-    """Covariance of the values: that of least squares without weights, times a factor.
+def _huber_covariance(fit: _Fit, correlations: Array) -> Array:
+    """Covariance of the values: the covariance of ordinary least squares, times a factor.
 
     The factor is the ratio of the variances of both estimates: P. J. Huber, Robust Statistics,
     1981, Eq. (7.6.8) with its correction for many parameters.
