@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Dynamic parameters that bodies can have, nearest to the measured ones.
 
-A body can have ten parameters if its pseudo-inertia is positive definite (P. M. Wensing, S. Kim,
-J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The pseudo-inertia is linear in them, so that the nearest
-parameters are the solution of a semi-definite programme.
+A body can have ten parameters (mass, first moments, moments of inertia) if its pseudo-inertia, a
+4 x 4 matrix, is positive definite (P. M. Wensing, S. Kim, J.-J. E. Slotine, IEEE RA-L 3(1), 2018).
+The pseudo-inertia is linear in them, so that the nearest parameters are the solution of a
+semi-definite programme.
 
-The unknowns x are parameters in units u: theta = u x. The estimate gives the combinations B theta =
-b with the covariance S S^T. The prior is the robot's own parameters x_0 with the weights P^2. So
-the function to minimise is
+The unknowns x are the parameters theta in units u: theta = U x with U = diag(u). The estimate gives
+the combinations B theta = b with the covariance S S^T. The prior is the robot's own parameters x_0
+with the weights P^2. So the function to minimise is
 
-    |S^-1 (B u x - b)|^2 + |P (x - x_0)|^2.
+    |S^-1 (B U x - b)|^2 + |P (x - x_0)|^2.
 
-With the rows [S^-1 B u; P] = Q R it is |R (x - x_best)|^2 and a constant. Here x_best is the
-minimum without constraints,
+With the decomposition [S^-1 B U; P] = Q R it is |R (x - x_best)|^2 and a constant. Here x_best is
+the minimum without constraints,
 
-    x_best = x_0 + R^-1 Q^T [S^-1 (b - B u x_0); 0].
+    x_best = x_0 + R^-1 Q^T [S^-1 (b - B U x_0); 0].
 
 The constraints are that G x - g lies in a product of cones. With y = R (x - x_best), the programme
 is to find the shortest y for which G R^-1 y + (G x_best - g) lies in the cones.
@@ -105,13 +106,13 @@ class _Unknowns(NamedTuple):
 
     #: Indices of the bodies.
     bodies: Indices
-    #: Masses of all bodies of the robot, [kg].
+    #: Masses in the prior, of all bodies of the robot, [kg].
     masses: Array
     #: Indices of the other unknowns in the dynamic parameters.
     others: Indices
-    #: Those of the others that must not be negative.
+    #: Indices of the others that must not be negative, in the dynamic parameters.
     not_negative: Indices
-    #: Indices of all unknowns in the dynamic parameters.
+    #: Indices of all unknowns in the dynamic parameters, in the order of x.
     columns: Indices
 
 
@@ -119,6 +120,7 @@ def _unknowns(chain: ClosedChain, found: Estimate) -> _Unknowns:
     """The unknowns of an estimate; bodies without mass are left out."""
     parameters = np.asarray(chain.dynamic_parameters)
     names = chain.dynamic_parameters.names
+    # The dynamic parameters are ten of each body, the mass first, then all others.
     end_of_bodies = 10 * (chain.mechanism.model.njoints - 1)
     masses = parameters[:end_of_bodies:10]
     is_considered = np.zeros(parameters.size, dtype=bool)
@@ -151,7 +153,7 @@ class _Objective(NamedTuple):
 def _objective(
     chain: ClosedChain, found: Estimate, unknowns: _Unknowns, weight: float
 ) -> _Objective:
-    """The estimate and the prior, whose weight for parameters of bodies is given."""
+    """The function to minimise; see the module. `weight` is that of the prior of bodies."""
     from scipy.linalg import solve_triangular
 
     try:
@@ -161,13 +163,13 @@ def _objective(
         raise InputError("found", problem) from None
     S_inverse_B = solve_triangular(S, found.base.matrix, lower=True)
     theta_0 = np.asarray(chain.dynamic_parameters)
-    # Differences from the prior keep their digits beside values that are known a million times
-    # better.
+    # S^-1 (b - B theta_0). The solution is computed as a change from the prior: so values that are
+    # known poorly keep their digits beside values that are known a million times better.
     differences = solve_triangular(S, found.values - found.base.matrix @ theta_0, lower=True)
 
     # Units of a body: its mass m times powers of the robot's length l. Units of other parameters:
-    # their standard deviations if all other parameters were known. A parameter about which the
-    # estimate says nothing has any unit, as only the weak prior acts on it.
+    # their standard deviations if all other parameters were known. If the estimate says nothing
+    # about a parameter, only the weak prior acts on it, and its unit does not matter.
     powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     units_of_bodies = np.outer(unknowns.masses[unknowns.bodies], powers_of_length).ravel()
     sizes = np.linalg.norm(S_inverse_B[:, unknowns.others], axis=0)
@@ -177,8 +179,9 @@ def _objective(
     P[: units_of_bodies.size] = np.sqrt(weight)
     rows_of_estimate = S_inverse_B[:, unknowns.columns] * units
     Q, R = np.linalg.qr(np.vstack([rows_of_estimate, np.diag(P)]))
-    change = solve_triangular(R, Q[: differences.size].T @ differences)
-    return _Objective(units, R, theta_0[unknowns.columns] / units + change)
+    Q_T_differences = Q[: differences.size].T @ differences  # Q^T [differences; 0]
+    x_0 = theta_0[unknowns.columns] / units
+    return _Objective(units, R, x_best=x_0 + solve_triangular(R, Q_T_differences))
 
 
 class _Constraints(NamedTuple):
@@ -220,7 +223,7 @@ def _mass_constraint(unknowns: _Unknowns, total_mass: float) -> _Constraints:
 
 
 def _pseudo_inertia_constraints(unknowns: _Unknowns) -> _Constraints:
-    """The pseudo-inertia of each body, minus the least one, is positive semidefinite.
+    """The pseudo-inertia of each body, minus `_LEAST_EIGENVALUE`, is positive semidefinite.
 
     The solver expects the ten entries of the upper triangle of a symmetric 4 x 4 matrix, column by
     column. Entries beside the diagonal are multiplied by sqrt(2), so that the norm of this vector
@@ -228,11 +231,13 @@ def _pseudo_inertia_constraints(unknowns: _Unknowns) -> _Constraints:
     """
     import clarabel
 
-    # The upper triangle column by column is the lower one row by row.
+    # `tril_indices` lists the lower triangle row by row. With rows and columns exchanged, this is
+    # the upper triangle column by column.
     column, row = np.tril_indices(4)
     is_diagonal = row == column
     factors = np.where(is_diagonal, 1.0, np.sqrt(2.0))
-    # Pseudo-inertias are linear: those of the ten unit vectors are the columns of a matrix.
+    # The pseudo-inertia is linear in the ten parameters. Column k of this matrix is the triangle if
+    # the parameters are the unit vector k.
     triangle_by_parameters = (pseudo_inertias(np.eye(10))[:, row, column] * factors).T
     least_triangle = np.where(is_diagonal, _LEAST_EIGENVALUE, 0.0)
 
@@ -249,8 +254,9 @@ def _sign_constraints(unknowns: _Unknowns) -> _Constraints:
     """Parameters of friction, rotors and springs are not negative."""
     import clarabel
 
-    rows_of_all = np.eye(unknowns.columns.size)
-    G = rows_of_all[np.isin(unknowns.columns, unknowns.not_negative)]
+    # A row of the identity for each of these parameters.
+    identity = np.eye(unknowns.columns.size)
+    G = identity[np.isin(unknowns.columns, unknowns.not_negative)]
     return _Constraints(G, np.zeros(len(G)), [clarabel.NonnegativeConeT(len(G))])
 
 
@@ -272,7 +278,7 @@ def _shortest(A: Array, b: Array, cones: list[Any]) -> tuple[Array, str]:
     # Where the prior alone decides, its small weight needs a small gap.
     settings.tol_gap_abs = 1e-12
     settings.tol_gap_rel = 1e-12
-    # The solver minimises y^T y / 2 so that s lies in the cones, with -A y + s = b.
+    # The solver minimises y^T y / 2 under the constraints that s = A y + b lies in the cones.
     identity = eye(A.shape[1], format="csc")
     zero = np.zeros(A.shape[1])
     for scaled in (True, False):  # scaling can spoil well-known values beside poorly known ones
