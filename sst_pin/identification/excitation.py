@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Exciting motions for identification, as Fourier series (J. Swevers et al., IEEE T-RA, 1997)."""
+"""Exciting motions for identification, as Fourier series (J. Swevers et al., IEEE T-RA, 1997).
+
+- `condition_number` judges a motion: how well it shows the base parameters.
+- `excitation` searches for a motion with a small condition number (`_search`).
+- `_Series` makes motions of the robot from coefficients of Fourier series, within its limits.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +27,20 @@ from ..simulation.trajectories import Trajectory, require_motion
 from .base_parameters import BaseParameters, require_base
 from .random_states import random_states
 
-#: Samples of a motion that is judged, for each harmonic.
+#: Number of samples of a motion that is judged: this number for each harmonic.
 _SAMPLES = 12
-#: Most samples of a period.
+#: Largest number of samples of the result.
 _MOST = 100_000
 #: At this condition number, noise of 0.1 % of the torques hides the worst identified parameter.
 _POOR = 1e3
-#: Factors that scale a series down, tried in this order: to 6 %, and at the end to 76 %.
+#: Factors that scale a series until it keeps the limits, tried in this order: from 1 down to 0.06.
 _FACTORS = 0.7 ** np.arange(9)
+#: Such factors for the samples of the result, from 1 down to 0.76.
 _FINAL_FACTORS = 0.97 ** np.arange(10)
 #: The part of the tries with random series; the others are steps from the best one.
 _RANDOM_TRIES = 1 / 3
+#: Size of the first steps from the best series, as a part of its largest coefficient.
+_FIRST_STEP = 0.5
 
 
 def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
@@ -61,12 +69,12 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
 def _sizes(chain: ClosedChain, base: BaseParameters) -> Array:
     """Root mean squares of the columns of the base regressor at random states, shape (b,)."""
     require_base(chain, base)
-    usual = chain.torque_regressor(*random_states(chain, 200, 0))[..., base.columns]
-    return np.asarray(np.sqrt(np.mean(usual**2, axis=(0, 1))))
+    Y = chain.torque_regressor(*random_states(chain, 200, 0))[..., base.columns]
+    return np.asarray(np.sqrt(np.mean(Y**2, axis=(0, 1))))
 
 
 def _condition(chain: ClosedChain, base: BaseParameters, sizes: Array, motion: Trajectory) -> float:
-    """Condition number of the base regressor along a motion, its columns divided by sizes."""
+    """Condition number of the base regressor along a motion, its columns divided by `sizes`."""
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)[..., base.columns]
     return float(np.linalg.cond((Y / sizes).reshape(-1, len(base))))
 
@@ -155,26 +163,26 @@ def _search(
 ) -> _Best | None:
     """The motion with the smallest condition number of some tries; None if no series is possible.
 
-    The first tries are random series, the others are random steps from the best one so far, which
-    become shorter to the end.
+    The first tries are random series. The others are random steps from the best series so far; the
+    steps become shorter from try to try, down to almost zero.
     """
     sizes = _sizes(chain, base)
     coarse_step = series.period / (_SAMPLES * series.harmonics)
     best: _Best | None = None
     for k in counted(range(tries), "excitation", tries):
-        # Coefficients of about the same size for any number of harmonics.
+        # The sum of all harmonics has about the same size for any number of them.
         z = np.asarray(random.normal(size=series.shape) / series.harmonics)
         if k >= tries * _RANDOM_TRIES and best is not None:
-            center = best.coefficients
-            length = 0.5 * np.abs(center).max() * series.harmonics * (1 - k / tries)
-            z = length * z + center
+            # z has entries of about 1 / harmonics; this step is independent of their number.
+            largest = np.abs(best.coefficients).max()
+            z = best.coefficients + _FIRST_STEP * largest * series.harmonics * (1 - k / tries) * z
         candidate = series.within_limits(z, _FACTORS, coarse_step)
         if candidate is None:
             continue
         condition = _condition(chain, base, sizes, candidate.motion)
         if condition >= (np.inf if best is None else best.condition):
             continue
-        # A limit may be exceeded between coarse samples: check the final ones, and scale down.
+        # A limit may be exceeded between coarse samples: check those of the result, and scale down.
         final = series.within_limits(candidate.coefficients, _FINAL_FACTORS, dt)
         if final is not None:
             best = _Best(condition, candidate.coefficients, final.motion)
@@ -192,8 +200,9 @@ class _Series:
     """Fourier series of the coordinates that begin and end at rest at the first configuration.
 
     The position of a coordinate is its start plus the sum of a_k sin(w_k t) + b_k cos(w_k t). At
-    the ends, this sum, its rate and its acceleration must be zero. These conditions are linear in
-    a and b, so (a, b) = B z with a basis B of their null space and any coefficients z.
+    the ends, this sum, its rate and its acceleration must be zero. At t = 0, and so at the end of
+    the period, they are sum b_k, sum w_k a_k and -sum w_k^2 b_k. These conditions are linear in a
+    and b, so (a, b) = B z with a basis B of their null space and any coefficients z.
 
     Attributes:
         period: Duration, [s].
@@ -220,19 +229,22 @@ class _Series:
         self._first = first
         #: Angular frequencies of the harmonics.
         self._frequencies = 2 * np.pi * np.arange(1, count + 1) / period
-        # Position, rate and acceleration at the ends, by the factors of the sines and cosines.
+        # The three conditions at the ends as rows: factors of all a_k, then of all b_k.
         zero = np.zeros(count)
         one = np.ones(count)
         position = [*zero, *one]
         rate = [*self._frequencies, *zero]
         acceleration = [*zero, *self._frequencies**2]
-        ends = np.array([position, rate, acceleration])
-        #: B.
-        self._basis = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
+        conditions = np.array([position, rate, acceleration])
+        #: B, shape (2 harmonics, 2 harmonics - 3).
+        self._basis = null_space(conditions / np.abs(conditions).max(axis=1, keepdims=True))
         self.shape = (self._basis.shape[1], len(chain.coordinates))
         self._units = mechanism.rate_scale[mechanism.coordinates]
         self._start = positions_of(mechanism.space, first, chain.coordinates)
+        #: Largest rates of the coordinates, shape (n,).
         self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
+        #: Largest torques of the motors, shape (motors,). A motor that acts on several joints has
+        #: the sum of their limits, which must stay finite.
         largest = np.minimum(model.effortLimit, np.finfo(float).max / 10)
         self._strongest = _limits("torques", torques, np.abs(mechanism.actuation).T @ largest)
 
@@ -245,7 +257,7 @@ class _Series:
             step: Time between samples of the motion, [s].
         """
         for factor in factors:
-            with suppress(SSTError):  # it meets a singular configuration
+            with suppress(SSTError):  # the motion meets a singular configuration, or loops open
                 motion = self._sampled(factor * z, step)
                 if self._allows(motion):
                     return _Candidate(factor * z, motion)
@@ -272,7 +284,7 @@ class _Series:
 
 
 def _limits(name: str, values: ArrayLike | None, model: Array) -> Array:
-    """Largest values that the caller gives, one or each; else the model's, where 0 is unknown."""
+    """Largest values by the caller, one or each, or else by the model, in which 0 is unknown."""
     if values is None:
         return np.where(model > 0, model, np.inf)
     return one_or_each(name, values, len(model))
