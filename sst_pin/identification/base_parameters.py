@@ -24,9 +24,9 @@ from ..errors import InputError
 from ..summaries import Summary, listed
 from .random_states import random_states
 
-#: A column depends on others if the part of it outside their span, relative to its size, is less.
+#: A column depends on others if its part outside their span is below this part of its size.
 _DEPENDENT = 1e-9
-#: Equations for each parameter, so that no column depends on others by chance.
+#: Number of equations for each parameter: enough that no column depends on others by chance.
 _ROWS = 2.5
 
 
@@ -34,13 +34,14 @@ _ROWS = 2.5
 class BaseParameters(Summary):
     """The b combinations of p dynamic parameters that can be identified.
 
-    For the parameters considered, Y theta = Y[..., columns] @ (matrix @ theta).
+    The forces due to the parameters considered are Y theta = Y[..., columns] @ (matrix @ theta),
+    with the regressor Y, shape (..., n, p), and the dynamic parameters theta.
 
     Attributes:
         names: Each combination, such as "crank.ixx + 0.25 coupler.mass".
         matrix: Their coefficients, shape (b, p); zero for parameters that are not considered.
-        columns: Columns of the regressor, one for each combination, shape (b,).
-        considered: Indices of the parameters considered.
+        columns: Indices of independent columns of the regressor, one for each combination, (b,).
+        considered: Indices of the parameters considered; other parameters are taken as known.
         unseen: Names of the parameters considered that change no force.
         parameters: Names of all p parameters of the robot.
     """
@@ -84,8 +85,8 @@ def base_parameters(
 ) -> BaseParameters:
     """The combinations of dynamic parameters that the forces of a chain depend on.
 
-    They are in the order of the parameters; a parameter that depends on others is combined with
-    parameters before it.
+    They are in the order of the parameters. A parameter whose column of the regressor depends on
+    the columns before it is combined with the parameters of these columns.
 
     Args:
         chain: The robot.
@@ -111,19 +112,20 @@ def base_parameters(
     require_robot("chain", chain)
     chain.mechanism.require_freedom()
     theta = chain.dynamic_parameters
-    considered = _considered(theta.names, np.asarray(theta), which)
+    considered = _considered_parameters(theta.names, np.asarray(theta), which)
     if motion is None:
         count = int(_ROWS * len(considered) / chain.degrees_of_freedom) + 10
         motion = random_states(chain, count, seed)
     q, va, aa = _arrays_of(motion)
     Y = chain.torque_regressor(q, va, aa)[..., considered]
-    rows = Y.reshape(-1, len(considered))
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    rows = rows / np.where(lengths, lengths, 1)  # large forces must not hide small ones
-    if len(rows) < len(considered):
-        problem = f"{len(rows)} equations for {len(considered)} parameters; give more samples"
+    # Each row is an equation, divided by its size: large forces must not hide small ones.
+    equations = Y.reshape(-1, len(considered))
+    sizes = np.linalg.norm(equations, axis=1, keepdims=True)
+    equations = equations / np.where(sizes, sizes, 1)
+    if len(equations) < len(considered):
+        problem = f"{len(equations)} equations for {len(considered)} parameters; give more samples"
         raise InputError("motion", problem)
-    combinations = _combinations(rows)
+    combinations = _combinations(equations)
     independent_columns = considered[combinations.independent]
     matrix = np.zeros((len(independent_columns), len(theta)))
     matrix[:, considered[combinations.nonzero]] = combinations.factors
@@ -153,15 +155,15 @@ class _Combinations(NamedTuple):
 
 def _combinations(A: Array) -> _Combinations:
     """The columns of A as combinations of independent ones."""
-    # All columns are compared in units of their sizes.
+    # The scaled columns, of size 1, are compared: parameters have different units.
     sizes = np.linalg.norm(A, axis=0)
     nonzero = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
     is_independent = np.isin(nonzero, independent(A, _DEPENDENT))
     scaled = A[:, nonzero] / sizes[nonzero]
     factors = np.linalg.lstsq(scaled[:, is_independent], scaled, rcond=None)[0]
-    # Smaller factors are rounding.
-    factors[np.abs(factors) <= _DEPENDENT] = 0.0
-    # A column of A is its size times the scaled column.
+    factors[np.abs(factors) <= _DEPENDENT] = 0.0  # rounding
+    # A column of A is its size times the scaled column. So factor i of column j of A is the scaled
+    # one times size j / size i.
     ratios = sizes[nonzero] / sizes[nonzero[is_independent], None]
     return _Combinations(nonzero, nonzero[is_independent], factors * ratios)
 
@@ -174,7 +176,9 @@ def _arrays_of(motion: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[ArrayLik
     return arrays
 
 
-def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None) -> Indices:
+def _considered_parameters(
+    names: Sequence[str], values: Array, which: Sequence[str] | None
+) -> Indices:
     """Indices of the parameters considered."""
     if which is None:
         of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
@@ -203,13 +207,17 @@ def _combination_name(row: Array, names: Sequence[str]) -> str:
 
 
 def independent(A: Array, tolerance: float) -> Indices:
-    """Columns that columns before them do not explain up to the tolerance.
+    """Numbers of the columns of A that do not depend on the columns before them.
 
-    Gram and Schmidt's process: QR without pivots would lose a row to each dependent column.
+    A column depends on others if its part outside their span is below the tolerance, relative to
+    its size. Columns below the tolerance, relative to the largest, are zero and left out.
+
+    The method is the Gram-Schmidt process. QR without pivots is not suited: a dependent column also
+    takes a row of R there, and the next independent column may find no row.
     """
     sizes = np.linalg.norm(A, axis=0)
     nonzero = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))
-    basis = np.zeros((len(A), min(A.shape)))
+    basis = np.zeros((len(A), min(A.shape)))  # orthonormal columns
     chosen = list[int]()
     for k in nonzero:
         residual = A[:, k] / sizes[k]
@@ -217,7 +225,8 @@ def independent(A: Array, tolerance: float) -> Indices:
         for _ in range(2):  # the second time removes the rounding of the first
             residual = residual - before @ (before.T @ residual)
         size = float(np.linalg.norm(residual))
-        if size > tolerance and len(chosen) < basis.shape[1]:
+        is_full = len(chosen) == basis.shape[1]
+        if size > tolerance and not is_full:
             basis[:, len(chosen)] = residual / size
             chosen.append(int(k))
     return np.array(chosen, dtype=np.intp)
