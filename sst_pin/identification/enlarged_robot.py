@@ -28,8 +28,8 @@ from ..reading import Urdf
 from ..summaries import listed
 from .urdf_origins import carriers_of
 
-#: An error opens the loops if the joints leave a larger gap per unit of the error, free of units.
-#: Rounding leaves far less. An error whose gap is less than a millionth is not told from noise.
+#: An error opens the loops if, whatever the joints do, the gap per error is larger than this; both
+#: are free of units. Rounding leaves far less. A gap below a millionth is lost in noise.
 _CLOSED = 1e-6
 
 
@@ -44,6 +44,7 @@ class EnlargedRobot:
     """
 
     def __init__(self, drawn: ClosedChain, errors: Sequence[str]) -> None:
+        # A joint for each error: it displaces one place, or it is a slide in one rod.
         joints = []
         rods_of_joints = dict[str, str]()
         for name in errors:
@@ -53,6 +54,8 @@ class EnlargedRobot:
                 rods_of_joints[name] = rod
         model = enlarged(drawn.mechanism.model, joints, slides=rods_of_joints)
         closures = with_extended_rods(drawn.closures, rods_of_joints)
+        # All errors are given as motors. The robot takes as coordinates as many of them, in their
+        # order, as are independent.
         self.chain = ClosedChain(model, closures, [*drawn.coordinates, *errors])
         lost = set(drawn.coordinates) - set(self.chain.coordinates)
         if lost:
@@ -73,9 +76,10 @@ class EnlargedRobot:
     def opening_errors(self, q: Array) -> list[str]:
         """The errors that alone open the loops in all configurations q of the enlarged robot.
 
-        The other joints can close the loops if the column of an error in Phi is a combination of
-        their columns. The part of the column outside the span of theirs is the gap. The least gap
-        of all q counts, because in a singular configuration every error may leave a gap.
+        Let the joints of the drawn robot close the loops after a single error as far as they can.
+        What remains is the gap: the part of the error's column in Phi that is outside the span of
+        the columns of these joints. In a singular configuration every error may leave a gap. So the
+        least gap of all q is compared with the limit.
         """
         mechanism = self.chain.mechanism
         rates_of_errors = mechanism.space.rates_of(self._all_errors)
@@ -83,10 +87,12 @@ class EnlargedRobot:
         for configuration in q:
             Phi = self.chain.Phi(configuration)
             Phi = Phi * mechanism.rate_scale * mechanism.row_scale[:, None]  # free of units
-            U, s, _ = np.linalg.svd(np.delete(Phi, rates_of_errors, axis=1), full_matrices=False)
-            span = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
-            columns = Phi[:, rates_of_errors]
-            gaps = np.linalg.norm(columns - span @ (span.T @ columns), axis=0)
+            columns_of_errors = Phi[:, rates_of_errors]
+            columns_of_joints = np.delete(Phi, rates_of_errors, axis=1)
+            U, s, _ = np.linalg.svd(columns_of_joints, full_matrices=False)
+            span = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]  # an orthonormal basis of it
+            outside = columns_of_errors - span @ (span.T @ columns_of_errors)
+            gaps = np.linalg.norm(outside, axis=0)
             least_gaps = np.minimum(least_gaps, gaps)
         return [self._all_errors[k] for k in np.flatnonzero(least_gaps > _CLOSED).tolist()]
 
@@ -112,10 +118,10 @@ def considered_errors(
         drawn: The robot as drawn.
         frames: Frames that measurements compare.
         which: Names or patterns of errors; by default all lengths of rods, and all displacements of
-            joints and of frames of closures and lines that `urdf` can store. Displacements of
-            measured frames count only by name: those of the frame and of its body look alike.
+            joints and of frames of closures and lines that `urdf` can store. Measured frames are
+            left out by default: a displaced frame looks like a displaced body.
         urdf: A URDF that must be able to store the displacements; None for no such condition.
-        unknown: Those of the frames that are not part of the robot.
+        unknown: The names in `frames` that belong to measuring systems, not to the robot.
     """
     mechanism = drawn.mechanism
     for frame in frames:
