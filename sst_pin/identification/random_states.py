@@ -14,31 +14,33 @@ from ..engine import require_robot
 from ..errors import ClosureError, SingularConfigurationError
 from ..model.conventions import EARTH_GRAVITY
 
-#: Largest condition number of a random configuration.
+#: Largest condition number of a random configuration; see `_largest_condition_number`.
 _REGULAR = 1e2
 #: Standard deviation of the steps of coordinates in a random motion, [rad] or robot lengths: short
 #: steps stay in the assembly mode.
 _STEP = 0.1
 #: Number of equal steps of a random motion.
 _STEPS = 3
-#: Lengths that are tried of a random motion whose ends are not good, each half of the one before.
+#: A random motion to a configuration that is not good is tried with this number of lengths, each
+#: half of the one before.
 _LENGTHS = 6
-#: Random motions at most, for each configuration that is wanted.
+#: Largest number of random motions for each configuration that is wanted.
 _MOTIONS = 20
-#: The start of random motions is searched in at most this number of tries.
+#: Largest number of tries in the search for a start within the limits.
 _TRIES = 100
-#: It suffices when each joint is less than this part of half its range away from the middle.
+#: The search ends where the distance of each joint from the middle of its range is below this part
+#: of half the range.
 _INSIDE = 0.75
 
 
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
-    Shapes (count, nq), (count, n), (count, n). The configurations are near one that is as far
-    within the limits of the robot as a search leads. Limits that this one violates, they violate no
-    more than it does; they keep all others.
-    With these rates and accelerations weights and inertia take torques of about the same size.
-    `seed` is the seed of the random numbers.
+    Shapes (count, nq), (count, n), (count, n). A search finds a start that is far from the limits
+    of the robot, and the configurations are near this start. If the start is beyond a limit, the
+    configurations are at most as far beyond it. They keep all other limits. With these rates and
+    accelerations, weights and inertia take torques of about the same size. `seed` is the seed of
+    the random numbers.
 
     Raises:
         ClosureError: If too few configurations nearby are assembled, regular and within limits.
@@ -87,9 +89,9 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
 def _good_end(
     chain: ClosedChain, start: Array, step: Array, is_good: Callable[[Array], bool]
 ) -> Array | None:
-    """The end of a motion by steps of the coordinates, or of a shorter one that is good.
+    """The configuration after a step of the coordinates, or half of it, and so on, that is good.
 
-    None if none of them is.
+    The longest good one of `_LENGTHS` steps is returned; None if none is good.
     """
     for _ in range(_LENGTHS):
         q = _moved(chain, start, step)
@@ -100,7 +102,7 @@ def _good_end(
 
 
 def _largest_condition_number(chain: ClosedChain, start: Array) -> float:
-    """The largest condition number of configurations near a start.
+    """The largest condition number that is allowed near a start.
 
     A robot with a large condition number at its start has large ones elsewhere too.
     """
@@ -108,7 +110,7 @@ def _largest_condition_number(chain: ClosedChain, start: Array) -> float:
 
 
 def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
-    """The configuration after some equal steps of the coordinates; None if loops do not close."""
+    """The configuration after `_STEPS` steps of the coordinates; None if loops do not close."""
     q = start
     try:
         for _ in range(_STEPS):
@@ -120,7 +122,7 @@ def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
 
 
 def _beyond_limits(chain: ClosedChain, q: Array) -> dict[tuple[str, ...], float]:
-    """How far joints are beyond their limits at q, [rad] or [m]."""
+    """How far joints are beyond their limits at q, [rad] or [m]; the keys are `Finding.joints`."""
     excess = dict[tuple[str, ...], float]()
     for finding in chain.check_limits(q):
         if not finding.singular:
@@ -149,6 +151,7 @@ def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator
 
     def distance(q: Array) -> float:
         """The largest distance of a joint from the middle of its range; 1 is at a limit."""
+        # Each term is halved, as a difference of large limits may overflow.
         middle = high / 2 + low / 2
         half = high / 2 - low / 2
         return float((np.abs(q[limited] - middle) / half).max())
