@@ -78,13 +78,14 @@ def noise_spread(A: Array, R_inverse: Array, P: Array, correlations: Array) -> N
 
         R^-1 W R^-T.
 
-    The torques P_m (1 - H) z are the residuals of motor m. Their expected squares add up to the
-    trace of P_m (1 - H) cov(z) (1 - H) P_m^T, which is
+    The torques P_m (1 - H) z are the residuals of motor m. With the covariance V of z, which is the
+    sum of P_m^T C_t P_m over all motors, their expected squares add up to
 
-        |P_m|^2 - 2 tr(Q_m^T C_t Q_m) + tr(Q_m^T Q_m W),
+        tr(P_m (1 - H) V (1 - H) P_m^T) = |P_m|^2 - 2 tr(Q_m^T C_t Q_m) + tr(Q_m^T Q_m W).
 
-    since C_t has ones on its diagonal. For the second term P P^T = 1 is needed, or the sum over all
-    motors.
+    The first term is tr(P_m V P_m^T), as C_t has ones on its diagonal. The second one is twice
+    tr(P_m H V P_m^T) with H = Q Q^T. The third one follows from Q^T V Q = W. The first two need
+    P P^T = 1; otherwise only their sums over all motors are right.
 
     Args:
         A: The whitened equations, shape (N, n, b).
@@ -98,7 +99,7 @@ def noise_spread(A: Array, R_inverse: Array, P: Array, correlations: Array) -> N
     Q_Q = np.empty((motors, b, b))  # Q_m^T Q_m
     Q_C_Q = np.empty((motors, b, b))  # Q_m^T C_t Q_m
     for motor in range(motors):
-        Q_m = Q_of_motors[:, motor]
+        Q_m = Q_of_motors[:, motor]  # shape (N, b)
         Q_Q[motor] = Q_m.T @ Q_m
         Q_C_Q[motor] = Q_Q[motor]
         for lag, correlation in enumerate(correlations[: len(Q_m) - 1], 1):
@@ -107,13 +108,14 @@ def noise_spread(A: Array, R_inverse: Array, P: Array, correlations: Array) -> N
     W = Q_C_Q.sum(axis=0)
     freedom = np.sum(P**2, axis=(0, 2))
     freedom -= 2 * np.trace(Q_C_Q, axis1=1, axis2=2)
-    freedom += np.einsum("kij,ji->k", Q_Q, W)
+    freedom += np.einsum("kij,ji->k", Q_Q, W)  # tr(Q_m^T Q_m W) of each motor
     return NoiseSpread(covariance=R_inverse @ W @ R_inverse.T, freedom=freedom)
 
 
 def samples_per_independent_sample(correlations: Array) -> float:
-    """Number of correlated samples with the same information on the noise as one independent one.
+    """Number of correlated samples that show the size of the noise as well as an independent one.
 
-    The variance of a mean of squares is larger by the sum of all squared correlations.
+    The variance of a mean of squares is larger by this factor: the sum of the squares of all
+    correlations, c_0 = 1 and those at both sides.
     """
     return 1 + 2 * float(np.sum(correlations**2))
