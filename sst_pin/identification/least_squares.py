@@ -8,15 +8,16 @@ import numpy as np
 from ..arrays import Array
 from ..errors import InputError
 
-#: Unknowns with a smaller part in the equations, in units of their columns, are not shown by them.
-_UNSHOWN = 1e-9
+#: Columns of A, scaled to size 1, are dependent if a diagonal entry of R is smaller: the part of a
+#: column outside the span of the columns before it.
+_DEPENDENT = 1e-9
 
 
 def solved(A: Array, z: Array) -> tuple[Array, Array]:
-    """The least-squares solution of A x = z, and R^-1 of A = Q R, shapes (b,) and (b, b).
+    """The least-squares solution x of A x = z, shape (b,), and R^-1 of A = Q R, shape (b, b).
 
-    R^-1 R^-T is the covariance of x for noise of z with the covariance 1. Leading axes of A, shape
-    (..., b), and z, shape (...), are rows of one system.
+    If the noise of z has the covariance 1, then x has the covariance R^-1 R^-T. A has the shape
+    (..., b) and z the shape (...): all their leading axes together count the equations.
 
     Raises:
         InputError: If the columns of A are not independent.
@@ -24,15 +25,15 @@ def solved(A: Array, z: Array) -> tuple[Array, Array]:
     from scipy.linalg import solve_triangular
 
     b = A.shape[-1]
-    # The columns of A and z are triangularised together, in units of their sizes: the first b rows
-    # of the result are [R, Q^T z].
+    # The decomposition of [A, z] has R and Q^T z in its first b rows. Columns of A are divided by
+    # their sizes.
     rows = np.concatenate([A, z[..., None]], axis=-1).reshape(-1, b + 1)
     sizes = np.linalg.norm(rows[:, :b], axis=0)
     sizes[sizes == 0] = 1
     rows[:, :b] /= sizes
     triangle = np.asarray(np.linalg.qr(rows, mode="r"), float)[:b]
     R = triangle[:, :b]
-    if np.abs(np.diag(R)).min(initial=1.0) < _UNSHOWN:
+    if np.abs(np.diag(R)).min(initial=1.0) < _DEPENDENT:
         problem = "it does not show all base parameters; base_parameters(motion=) finds those"
         raise InputError("motion", problem)
     inverse = solve_triangular(R, np.eye(b)) / sizes[:, None]

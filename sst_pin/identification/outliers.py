@@ -34,9 +34,11 @@ _LEAST_DEVIATION = 1e-3
 _NEIGHBOURS = 7
 #: Most passes.
 _PASSES = 60
-#: A torque is compared with the median of this number of samples. One bad sample of an uneven log
-#: spoils three even ones, so that four of them are good.
+#: A torque is compared with the median of this number of samples. The log is interpolated at even
+#: times: one bad sample spoils up to three of seven, so that the median is still good.
 _MEDIAN_SAMPLES = 7
+#: Largest fraction of the samples that may be outliers; more would spoil the smooth curve.
+_MOST_OUTLIERS = 0.05
 
 
 class CleanedLog(NamedTuple):
@@ -93,10 +95,6 @@ def _medians(deviations: Array, parts: int) -> Array:
     for rows in np.array_split(np.arange(len(deviations)), parts):
         medians[rows] = np.median(deviations[rows], axis=0)
     return medians
-
-
-#: Largest fraction of the samples that may be outliers; more would spoil the smooth curve.
-_MOST_OUTLIERS = 0.05
 
 
 def require_few_replaced(
