@@ -17,7 +17,9 @@ from .measurements import MeasuredMotion
 
 
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
-    """Motor torques of a motion by dynamic parameters, the smallest ones, shape (N, motors).
+    """Motor torques that dynamic parameters predict for a motion, shape (N, motors).
+
+    With surplus motors they are the smallest torques.
 
     Args:
         chain: The robot.
@@ -28,6 +30,7 @@ def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) 
     require_motion(motion, chain.mechanism)
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
     forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
+    # The smallest solution of J^T tau = forces.
     torques_of_forces = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
     return np.asarray((torques_of_forces @ forces[..., None])[..., 0])
 

@@ -17,9 +17,9 @@ _EQUAL = 1e-9
 
 
 def carriers_of(root: ET.Element, model: pin.Model) -> dict[str, ET.Element]:
-    """The joints of a URDF whose origins store the placements of a model.
+    """For joints and links of a model, by name, the joint of a URDF whose origin places them.
 
-    The keys are the joints and links of the model that have such a joint.
+    Joints and links without such a joint are left out.
     """
     joints = root.findall("joint")
     carriers = {joint.get("name", ""): joint for joint in joints}
@@ -33,8 +33,8 @@ def carriers_of(root: ET.Element, model: pin.Model) -> dict[str, ET.Element]:
     for name, parent in zip(model.names, model.parents, strict=True):
         universal, _, axis = name.rpartition("_")
         is_part = name not in carriers and universal in carriers and axis in ("X", "Y", "Z")
-        is_first = model.names[parent].rpartition("_")[0] != universal
-        if is_part and is_first:
+        follows_other_part = model.names[parent].rpartition("_")[0] == universal
+        if is_part and not follows_other_part:
             carriers[name] = carriers[universal]
     return carriers
 
