@@ -1,6 +1,7 @@
 "use strict";
 // The picture: light, floor, camera, layers and labels around Meshcat's scene, and what a pointer
-// hits. The base has z up, three.js y: the scene is turned by Meshcat, the camera is in its axes.
+// hits. The axes of the base have z up, those of three.js y. Meshcat turns its scene to z up; the
+// camera is in the axes of three.js.
 const at = (id) => document.getElementById(id);
 const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
 // Long names may break after underscores.
