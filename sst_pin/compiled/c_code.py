@@ -157,13 +157,13 @@ def body(
     if kernel.along is None:
         return KernelSource(f"{constants}\n{once.text}", writer.size, once.room)
     passes = []
-    for k, part in enumerate(kernel.along.passes):
+    for k, one in enumerate(kernel.along.passes):
         function = _function(
             storage="SEPARATE",
             name=f"{name}_pass_{k}",
             arguments=_OF_PASSES,
             lines=writer.lines[k],
-            room=part.results.numel() + part.checks.numel(),
+            room=one.results.numel() + one.checks.numel(),
             arranged=arranged,
             recompute=recompute,
         )
@@ -222,9 +222,10 @@ def _function(
     parts, handed_on = statements.in_parts(statements.pieces(lines))
     texts: list[str] = []
     calls: list[str] = []
-    for k, part in enumerate(parts):
-        of_part = f"PART {name}_{k}({arguments}, real *restrict w)"
-        texts.append(statements.function(of_part, [f"{unused} (void)w;", *arranged(part)]))
+    for k, part_lines in enumerate(parts):
+        head_of_part = f"PART {name}_{k}({arguments}, real *restrict w)"
+        lines_of_part = [f"{unused} (void)w;", *arranged(part_lines)]
+        texts.append(statements.function(head_of_part, lines_of_part))
         calls.append(f"{name}_{k}({', '.join(names)}, y + {room});")
     texts.append(statements.function(head, calls))
     return _Function("\n".join(texts), room + handed_on)
@@ -316,6 +317,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     if not sources.functions:
         return [first_source]
     once, *passes = sources.functions
+    # The function that runs once computes one sample: its numbers have one lane.
     once_source = f"#undef LANES\n#define LANES 1\n{head}\n{once}"
     return [first_source, once_source, *(f"{head}\n{text}" for text in passes)]
 
