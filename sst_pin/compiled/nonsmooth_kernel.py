@@ -25,7 +25,7 @@ from .closure_rows import length_and_row
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .kernels import SymbolicKernel
+from .kernels import WRENCHES, SymbolicKernel
 from .link_kinematics import MovingFrame
 from .nonsmooth_motions import implicit_rates, other_lines
 from .symbols import Sparse, add, is_zero
@@ -95,7 +95,7 @@ class NonsmoothTerms:
         e = self._e
         inputs = {"q": e.q, "va": e.va}
         if e.loads.numel():
-            inputs["external_wrenches"] = e.loads
+            inputs[WRENCHES] = e.loads
         return SymbolicKernel(
             name="nonsmooth_terms",
             inputs=inputs,
@@ -135,8 +135,9 @@ class NonsmoothTerms:
             spring = x.preload + x.stiffness * (x.length - x.rest)
             tensions.append(SX(0) if k in cables else spring)
         stiffness = e.parameters.of_joints("stiffness", e.p)
-        moves = e.kinematics.difference(e.parameters.of_joints("spring_reference", e.p))
-        springs: Sparse = {k: c * moves[k] for k, c in stiffness.items()}
+        references = e.parameters.of_joints("spring_reference", e.p)
+        displacements = e.kinematics.difference(references)
+        springs: Sparse = {k: c * displacements[k] for k, c in stiffness.items()}
         needed = add(
             e.tree.forces(e.v, e.dv_without_aa), add(springs, e.tree.along_lines(tensions))
         )
