@@ -58,9 +58,11 @@ from ..model.tree import frame_id
 from ..progress import announced
 from ..summaries import listed
 from .assembly import Assembly
+from .displacement_derivatives import by_displacements
 from .guesses import home_of, random_step
 from .loops import Loops, connected
 from .ranks import free_motions, scaled_Phi
+from .rounded_numbers import half_a_digit
 
 # Numbers of poses, tries and steps, and the widths of random steps, are choices. Widths are [rad],
 # or lengths of the loop.
@@ -540,80 +542,6 @@ class _Equations:
     N_f: Array
     N_F: Array
     Phi_inverse: Array
-
-
-# --- derivatives by displacements ----------------------------------------------------------------
-
-
-def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
-    """F, the derivatives of f by displacements of places, [m] and [rad], shape (rows, 6 places).
-
-    The keys of `places` are names. A value is None for a joint, or the index of a frame. `loops`
-    must be evaluated at a configuration.
-    """
-    model = loops.model
-    W = loops.W
-    F = np.zeros((len(loops.f), len(places), 6))
-    for k, (place, frame) in enumerate(places.items()):
-        # Column i of `twists` is the twist [v; omega], at the origin of the world, of a unit rate
-        # of displacement i: linear along the axes of the body that carries the place, angular about
-        # the axes of the place.
-        body, placement = place_of(model, place)
-        carrier = loops.data.oMi[loops.tree.bodies[body]]
-        twists = (carrier * placement).action
-        twists[:3, :3] = carrier.rotation
-        for rows in loops.of_frames:
-            frame_b, frame_a = rows.frames  # in the normal tree, which keeps the indices of frames
-            moves_b = _moves(model, place, frame, frame_b)
-            moves_a = _moves(model, place, frame, frame_a)
-            # df/dt = W [t_B; t_A]
-            W_of_b = W[rows.at, :6]
-            W_of_a = W[rows.at, 6:]
-            # A place that moves both frames as one body does not change the closure.
-            if moves_b and not moves_a:
-                F[rows.at, k] = W_of_b @ twists
-            if moves_a and not moves_b:
-                F[rows.at, k] = W_of_a @ twists
-    return F.reshape(len(F), -1)
-
-
-def _moves(model: pin.Model, place: str, frame: int | None, end: int) -> bool:
-    """Whether a displacement of a place moves the frame with the index `end`.
-
-    A frame moves itself only. A joint moves all frames after it.
-    """
-    if frame is not None:
-        return frame == end
-    return model.frames[end].parentJoint in model.subtrees[model.getJointId(place)]
-
-
-# --- rounded numbers ------------------------------------------------------------------------------
-
-#: A number is rounded if it has fewer digits after the point than this.
-_DIGITS = 9
-#: Numbers count as rounded to k digits if more than this part of them have at most k digits after
-#: the point. The other numbers may be products of rounded ones. The robots of
-#: tests/loops/test_rounded_numbers.py are corrected as well with 0.1 and 0.5.
-_MANY = 0.25
-#: A number is whole if it differs by less from a whole number. A random number does so with a
-#: probability of 2e-4.
-_WHOLE = 1e-4
-
-
-def half_a_digit(numbers: Array) -> float:
-    """Half a unit of the last digit of rounded numbers; 0 if they are not rounded.
-
-    Exact short numbers, such as 0.25, count as rounded, as they look the same in a file.
-    """
-    numbers = np.abs(numbers[np.abs(numbers) > 10.0**-_DIGITS])
-    for digits in range(1, _DIGITS):
-        shifted = numbers * 10.0**digits  # whole, if the numbers have this number of digits
-        # Numbers that are almost 0, such as pi - 3.14159, would count as whole.
-        shifted = shifted[shifted > _WHOLE]
-        is_whole = np.abs(shifted - shifted.round()) < _WHOLE
-        if len(shifted) and np.mean(is_whole) > _MANY:
-            return 0.5 * 10.0**-digits
-    return 0.0
 
 
 # --- the warning ----------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain, Closure, ClosureError, DescriptionWarning, SSTError, robots
-from sst_pin.loops.geometry_correction import half_a_digit
+from sst_pin.loops.rounded_numbers import half_a_digit
 from tests.support.any_chain import states
 from tests.support.by_hand import add, at, in_units, mark
 from tests.support.planar_bars import planar
