@@ -8,11 +8,11 @@ from ..arrays import Array
 #: A number is rounded if it has fewer digits after the point than this.
 _DIGITS = 9
 #: Numbers count as rounded to k digits if more than this part of them have at most k digits after
-#: the point. The other numbers may be products of rounded ones. The robots of
-#: tests/loops/test_rounded_numbers.py are corrected as well with 0.1 and 0.5.
+#: the point. The other numbers may be products of rounded ones. With 0.1 or 0.5 too, all robots of
+#: tests/loops/test_rounded_numbers.py are corrected.
 _MANY = 0.25
-#: A number is whole if it differs by less from a whole number. A random number does so with a
-#: probability of 2e-4.
+#: A number counts as whole if it differs by less than this from a whole number. A random number
+#: does so with a probability of 2e-4.
 _WHOLE = 1e-4
 
 
