@@ -202,6 +202,7 @@ def _justified_correction(
     `corrected` is the robot with the corrections of the parts before. The part is judged on the
     original, and then corrected on `corrected`.
     """
+    # Poses where the part is closed as far as rounded placements allow.
     closed = [q for q in [start, *poses] if original.gap(q, part) <= ROUNDED_PLACEMENTS]
     rank = _rank_of_overconstrained(original, part, closed)
     if rank is None:
@@ -224,18 +225,19 @@ def _is_justified(correction: _Correction, original: "_Robot", part: _Part, star
     # The numbers are those of the list in the text of the module.
     for q in correction.poses:
         if original.gap(original.closest(q, part.rates), part) > ROUNDED_PLACEMENTS:
-            return False  # 1
+            return False  # 1: the correction would make another robot
     rounding = original.rounding(start, part)
     if rounding == 0:
-        return False  # 2
+        return False  # 2: nothing is rounded
     home = home_of(original.mechanism)
     if home is not None and original.gap(home, part) == 0 and original.moves(home, part):
-        # 3: With rounded placements the loops would be open at the home of the file. So its short
-        # numbers, such as 0.25, are exact.
+        # 3: With rounded placements the loops would be open at home. So the short numbers of the
+        # file, such as 0.25, are exact.
         return False
     if correction.size <= EXPLAINED * rounding:
         return True
-    # 4: A part that does not move is a rigid frame, which nobody wants as a loop of a robot.
+    # 4: Rounding does not explain the displacements. They are justified only if the original does
+    # not move: nobody wants a rigid frame as a loop of a robot.
     return not original.moves(start, part)
 
 
