@@ -46,7 +46,7 @@ CHANGE = 0.5
 TRAVEL = 0.5
 #: Largest number of configurations between two samples of a motion. With steps of `TRAVEL` they
 #: make 160 turns of a joint, with shorter ones tens of turns.
-LOOKS = 2000
+MOST_STEPS = 2000
 #: A part of a step below this fraction of the step is not divided further: its ends differ by less
 #: than the errors of assembled loops.
 _SHORTEST = 1e-12
@@ -128,7 +128,12 @@ class Continuity:
         return self._condition(self._sample(q))
 
     def follow(
-        self, start: Array, path: Path, limit: float, first: float = 1.0, looks: int = LOOKS
+        self,
+        start: Array,
+        path: Path,
+        limit: float,
+        first: float = 1.0,
+        most_steps: int = MOST_STEPS,
     ) -> tuple[float, Array]:
         """How far a step is continuous and regular: a fraction, and the configuration there.
 
@@ -137,17 +142,17 @@ class Continuity:
             path: Gives configurations at fractions of the step.
             limit: Largest condition number of a regular configuration.
             first: The fraction that is tried first, for example where the motion reverses.
-            looks: A step that needs more configurations raises a ClosureError.
+            most_steps: A step that needs more configurations raises a ClosureError.
         """
         q = start
         done = 0.0  # up to this fraction the motion is continuous
         end = max(first, _SHORTEST)  # the fraction that is tried next
         count = 0
         while done < 1:
-            if count == looks:
+            if count == most_steps:
                 raise ClosureError(
-                    f"the motion is too long: {100 * done:.2g} % of it took {looks} steps; give "
-                    "poses in between",
+                    f"the motion is too long: {100 * done:.2g} % of it took {most_steps} steps; "
+                    "give poses in between",
                     0.0,
                 )
             count += 1

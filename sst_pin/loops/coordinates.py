@@ -43,7 +43,7 @@ _FEW = 3
 #: Largest number of configurations on the path from home to the example. These three numbers are
 #: choices. If no path is found, home itself is the example, and symmetry may hide what holds in
 #: general.
-_LOOKS = 30
+_MOST_STEPS = 30
 #: Home is singular if Phi has a higher rank at this distance, [rad] or lengths of the loop.
 _BESIDE = 1e-3
 #: Singular values of Phi beside home below this part of the largest, or of one, count as zero.
@@ -222,7 +222,7 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
         for fixed in (mechanism.driven, coordinates):
             path = _path_from(assembly, home, random_step(mechanism, width), fixed)
             with suppress(ClosureError):
-                fraction, q = continuity.follow(home, path, limit, looks=_LOOKS)
+                fraction, q = continuity.follow(home, path, limit, most_steps=_MOST_STEPS)
                 if fraction == 1:
                     return q
     return home
