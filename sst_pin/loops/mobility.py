@@ -99,14 +99,15 @@ class Mobility:
         return str(self)
 
     def __str__(self) -> str:
-        return "\n".join(f"{word:18}  {text}" for word, text in self._rows())
+        return "\n".join(f"{word:18}  {text}" for word, text in self._entries())
 
     def _repr_html_(self) -> str:
-        return as_html("Mobility", self._rows())
+        return as_html("Mobility", self._entries())
 
-    def _rows(self) -> list[tuple[str, str]]:
+    def _entries(self) -> list[tuple[str, str]]:
+        """A word and a text for each line of the printed report."""
         ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
-        rows = [
+        entries = [
             ("joints", f"{len(self.joints)}"),
             ("closure equations", ranks),
             ("degrees of freedom", f"{self.degrees_of_freedom}"),
@@ -117,13 +118,13 @@ class Mobility:
             ("judged at", self.where),
         ]
         if self.brakes:
-            rows.append(("brakes", listed(self.brakes, 12)))
+            entries.append(("brakes", listed(self.brakes, 12)))
         if self.idle_joints:
-            rows.append(("idle joints", rotating_freely(self.idle_joints)))
+            entries.append(("idle joints", rotating_freely(self.idle_joints)))
         if self.shaking_joints:
             names = ", ".join(self.shaking_joints)
-            rows.append(("shaking joints", f"{names} have rates, but no motion: locked=[...]"))
-        return rows
+            entries.append(("shaking joints", f"{names} have rates, but no motion: locked=[...]"))
+        return entries
 
     def _verdict(self) -> str:
         """Whether the motors suffice, in words."""
@@ -204,8 +205,8 @@ def idle_rates(mechanism: Mechanism, loops: Loops, rows: Array) -> tuple[str, ..
     # In the motion of an idle joint, motors, lines and the rods of `Distance` closures, which have
     # no joints, are at rest too. Without their rows, a platform on such rods would count as idle:
     # it is a single joint of the tree, so that no other joint moves with it. But the rods do.
-    of_motors = motor_rates(mechanism, loops.q_of_model, np.eye(len(space.rate_names)))
-    rows = np.vstack([rows, of_motors, _rates_of_rods_and_lines(mechanism, loops)])
+    rows_of_motors = motor_rates(mechanism, loops.q_of_model, np.eye(len(space.rate_names)))
+    rows = np.vstack([rows, rows_of_motors, _rates_of_rods_and_lines(mechanism, loops)])
     idle = list[int]()
 
     # A rod with one ball in the tree and one in a closure: the rates of one joint turn it.
