@@ -49,13 +49,13 @@ def massless_rates(
     # The mass matrix. The loops are at q.
     tree = loops.tree.model
     L_of_tree = loops.tree.S @ L
-    of_lines = _inertia_of_lines(mechanism, q, L)
-    inertia = L_of_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_of_tree + of_lines
+    inertia_of_lines = _inertia_of_lines(mechanism, q, L)
+    inertia = L_of_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_of_tree + inertia_of_lines
 
     # The largest inertia that each coordinate could have: the diagonal of the mass matrix of bodies
     # with larger moments, diag(L^T M L) = sums over the rows of L * (M L).
-    heaviest = pin.crba(_with_largest_moments(tree), loops.data, loops.q)
-    largest = (L_of_tree * (heaviest @ L_of_tree)).sum(axis=0) + np.diag(of_lines)
+    M_of_largest = pin.crba(_with_largest_moments(tree), loops.data, loops.q)
+    largest = (L_of_tree * (M_of_largest @ L_of_tree)).sum(axis=0) + np.diag(inertia_of_lines)
 
     # Singular directions of the mass matrix, divided by the largest inertias, and the coordinates
     # that take part in them.
@@ -80,8 +80,8 @@ def _with_largest_moments(tree: pin.Model) -> pin.Model:
 
     It is a bound: no moment of inertia is larger than the trace.
     """
-    heaviest = pin.Model(tree)
+    enlarged = pin.Model(tree)
     for j, body in enumerate(tree.inertias):
         moments = abs(np.trace(body.inertia)) * np.eye(3)
-        heaviest.inertias[j] = pin.Inertia(abs(body.mass), body.lever, moments)
-    return heaviest
+        enlarged.inertias[j] = pin.Inertia(abs(body.mass), body.lever, moments)
+    return enlarged
