@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers that stay open in kernels: gravity, masses, inertias, friction, springs, rotors, lines.
+"""Symbolic parameters: the numbers of a robot that kernels get as an input p.
 
-A kernel has fixed which bodies have mass and which joints have friction, springs or rotors, but not
-their numbers: a payload, an identified friction or another gravity needs no compiler.
+They are gravity, masses, inertias, and the numbers of friction, springs, rotors and lines. A kernel
+is generated for a structure: which bodies have mass, and which joints have friction, springs or
+rotors. Their numbers are symbols. So a payload, an identified friction or another gravity needs no
+new kernel.
 """
 
 from typing import TYPE_CHECKING
@@ -16,83 +18,106 @@ if TYPE_CHECKING:
     from casadi import SX
 
 
-#: Numbers of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz about its frame.
+#: Numbers of a body: mass, first moment (3), second moments xx, xy, xz, yy, yz, zz. Both moments
+#: are about the origin of its joint's frame.
 BODY = 10
 #: Numbers of a line: stiffness, rest length, damping, preload.
 LINE = 4
-#: Indices of gravity, base axes.
+#: Indices of gravity in p, base axes.
 GRAVITY = slice(3)
-#: Index of the rate within which friction is tanh instead of sign.
+#: Index in p of the width of the sign: the rate within which friction is tanh instead of sign.
 SIGN_WIDTH = 3
-#: Index of the first number of the first body.
+#: Index in p of the first number of the first body.
 _FIRST_BODY = 4
-#: Numbers of joints, in their order.
+#: Quantities of joints, in the order of p.
 _JOINT = ("armature", "viscous", "coulomb", "stiffness", "spring_reference")
-#: The matrix that makes second moments S, ordered xx, xy, xz, yy, yz, zz, from an inertia I about
-#: the same point, in Pinocchio's order xx, xy, yy, xz, yz, zz: S = trace(I) / 2 E - I.
-_xx, _xy, _yy, _xz, _yz, _zz = np.eye(6)
-_HALF_TRACE = (_xx + _yy + _zz) / 2
-_SECOND = np.array([_HALF_TRACE - _xx, -_xy, -_xz, _HALF_TRACE - _yy, -_yz, _HALF_TRACE - _zz])
+#: Second moments J of a body from its inertia I about the same point: J = trace(I) / 2 E - I. Rows
+#: are in the order xx, xy, xz, yy, yz, zz. Columns are in Pinocchio's order xx, xy, yy, xz, yz, zz.
+_SECOND_MOMENTS = np.array(
+    [
+        [-0.5, 0, 0.5, 0, 0, 0.5],
+        [0, -1, 0, 0, 0, 0],
+        [0, 0, 0, -1, 0, 0],
+        [0.5, 0, -0.5, 0, 0, 0.5],
+        [0, 0, 0, 0, -1, 0],
+        [0.5, 0, 0.5, 0, 0, -0.5],
+    ]
+)
 
 
 class SymbolicParameters:
-    """Order of the symbolic parameters of a mechanism; `size` is their count.
+    """Which symbolic parameters a mechanism has, and their places in p.
 
-    Gravity and the width of the sign come first. Then come the numbers of bodies, body by body, of
-    joints, quantity by quantity, of lines, line by line, and last masses and dry friction of lines.
+    The order of p is: gravity; the width of the sign; the numbers of each body; each quantity of
+    joints; the numbers of each line; masses of lines; dry friction of lines.
 
-    If `complete`, all bodies have mass, all joints friction and a rotor, and all lines a mass and
-    dry friction, which may be zero.
+    Args:
+        mechanism: The mechanism.
+        complete: Whether all bodies have a mass, all joints friction and a rotor, and all lines a
+            mass and dry friction, even if their numbers are zero.
+
+    Attributes:
+        size: Number of the parameters.
+        bodies: Indices of Pinocchio's joints whose bodies have mass.
+        joints: For each quantity of joints, the indices of the rates that have it. References of
+            springs are positions: for "spring_reference", the indices are those of entries of q.
+        massive_lines: Indices of the lines that have a mass.
+        dry_lines: Indices of the lines that have dry friction.
     """
 
     def __init__(self, mechanism: Mechanism, *, complete: bool = False) -> None:
         model = mechanism.model
         massive = [complete or np.any(x.toDynamicParameters()) for x in model.inertias]
-        #: Indices of Pinocchio's joints whose bodies have mass.
         self.bodies = tuple(i for i in range(1, model.njoints) if massive[i])
         values = _of_joints(mechanism)
-        #: Indices of the rates that have each quantity of a joint. References of springs are
-        #: positions: for them, the indices are those of entries of q.
         self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
         self.joints["spring_reference"] = _entries_with_springs(mechanism)
         if complete:
             self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
-        #: Index of the first number of each quantity of joints.
-        self._starts = {}
-        start = _FIRST_BODY + BODY * len(self.bodies)
+        lines = range(len(mechanism.lines.forces))
+        self.massive_lines = tuple(k for k in lines if complete or mechanism.lines.masses[k])
+        self.dry_lines = tuple(k for k in lines if complete or mechanism.lines.coulomb[k])
+
+        # Places in p, one group of numbers after the other.
+        self._body_numbers = _next(_FIRST_BODY, BODY * len(self.bodies))
+        end = self._body_numbers.stop
+        self._joint_numbers: dict[str, slice] = {}
         for name in _JOINT:
-            self._starts[name] = start
-            start += len(self.joints[name])
-        lines = len(mechanism.lines.forces)
-        self._line_count = lines
-        self._first_line = start
-        #: Indices of the lines that have a mass.
-        self.massive_lines = tuple(k for k in range(lines) if complete or mechanism.lines.masses[k])
-        #: Indices of the lines that have dry friction.
-        self.dry_lines = tuple(k for k in range(lines) if complete or mechanism.lines.coulomb[k])
-        self._first_line_mass = self._first_line + LINE * lines
-        self._first_line_coulomb = self._first_line_mass + len(self.massive_lines)
-        self.size = self._first_line_coulomb + len(self.dry_lines)
+            self._joint_numbers[name] = _next(end, len(self.joints[name]))
+            end = self._joint_numbers[name].stop
+        self._line_numbers = _next(end, LINE * len(lines))
+        self._line_masses = _next(self._line_numbers.stop, len(self.massive_lines))
+        self._line_coulomb = _next(self._line_masses.stop, len(self.dry_lines))
+        self.size: int = self._line_coulomb.stop
+
+    # --- numbers ----------------------------------------------------------------------------------
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
-        """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
+        """The vector p of a mechanism with the same structure, shape (size,).
+
+        Args:
+            mechanism: The mechanism.
+            friction: The friction of joints, in place of the mechanism's.
+        """
         model = mechanism.model
+        lines = mechanism.lines
         values = _of_joints(mechanism)
         values |= {"viscous": friction.viscous, "coulomb": friction.coulomb}
         parts = [model.gravity.linear, [friction.sign_width]]
         for i in self.bodies:
-            about_origin = model.inertias[i].toDynamicParameters()
-            parts += [about_origin[:4], _SECOND.dot(about_origin[4:])]
-        parts += [values[name][list(self.joints[name])] for name in _JOINT]
-        lines = mechanism.lines
+            mass_moments_inertia = model.inertias[i].toDynamicParameters()
+            parts.append(mass_moments_inertia[:4])
+            parts.append(_SECOND_MOMENTS.dot(mass_moments_inertia[4:]))
+        for name in _JOINT:
+            parts.append(values[name][list(self.joints[name])])
         of_lines = [lines.stiffness, lines.rest_lengths, lines.damping, lines.preload]
         parts.append(np.transpose(of_lines).ravel())  # line by line
-        parts.append(mechanism.lines.masses[list(self.massive_lines)])
-        parts.append(mechanism.lines.coulomb[list(self.dry_lines)])
+        parts.append(lines.masses[list(self.massive_lines)])
+        parts.append(lines.coulomb[list(self.dry_lines)])
         return np.concatenate(parts)
 
     def names(self, mechanism: Mechanism) -> tuple[str, ...]:
-        """Names of the numbers; a body has the name of its joint."""
+        """Names of the parameters, in the order of p; a body has the name of its joint."""
         space = mechanism.space
         moments = ("mass", *"xyz", "xx", "xy", "xz", "yy", "yz", "zz")
         names = [f"gravity.{axis}" for axis in "xyz"] + ["sign_width"]
@@ -106,34 +131,39 @@ class SymbolicParameters:
         names += [f"{mechanism.lines.forces[k]}.coulomb" for k in self.dry_lines]
         return tuple(names)
 
-    def by_parameters(self) -> list[Array]:
-        """Derivatives of all numbers by the parameters of `dynamics.regressor`, without offsets.
+    # --- derivatives ------------------------------------------------------------------------------
 
-        The blocks have shape (size, columns) and stand in the order of the regressor: bodies, four
-        quantities of rates, lines. The numbers must be `complete`, and the springs of the mechanism
-        those of `regressor.with_springs`.
+    def by_parameters(self) -> list[Array]:
+        """Derivatives of p by the parameters of `dynamics.regressor`, except the offsets.
+
+        The list has one matrix for bodies, one for each of four quantities of rates, and one for
+        lines, in the order of the regressor, each of shape (size, columns). The parameters must be
+        `complete`, and the springs of the mechanism those of `regressor.with_springs`.
         """
-        units = np.eye(self.size)
-        end = _FIRST_BODY + BODY * len(self.bodies)
-        bodies = units[:, _FIRST_BODY:end].reshape(self.size, -1, BODY).copy()
-        bodies[..., 4:] = bodies[..., 4:] @ _SECOND  # by inertias instead of second moments
-        blocks = [bodies.reshape(self.size, end - _FIRST_BODY)]
+        identity = np.eye(self.size)  # the derivatives of p by p
+
+        # The regressor has inertias I in place of the second moments J: dp/dI = dp/dJ dJ/dI.
+        bodies = identity[:, self._body_numbers].reshape(self.size, -1, BODY).copy()
+        bodies[..., 4:] = bodies[..., 4:] @ _SECOND_MOMENTS
+        matrices = [bodies.reshape(self.size, -1)]
+
         for name in ("viscous", "coulomb", "armature", "stiffness"):
-            start = self._starts[name]
-            blocks.append(units[:, start : start + len(self.joints[name])])
-        of_lines = units[:, self._first_line : self._first_line_mass].reshape(self.size, -1, LINE)
-        masses = units[:, self._first_line_mass : self._first_line_coulomb]
-        masses = masses.reshape(self.size, -1, 1)
-        coulomb = units[:, self._first_line_coulomb :].reshape(self.size, -1, 1)
-        # Rest lengths are constant, as in dynamics.regressor: f is linear in the other numbers.
-        stiffness = of_lines[..., 0:1]
-        damping_and_preload = of_lines[..., 2:4]
+            matrices.append(identity[:, self._joint_numbers[name]])
+
+        # The regressor holds rest lengths constant, so that f is linear in its parameters.
+        lines = identity[:, self._line_numbers].reshape(self.size, -1, LINE)
+        stiffness = lines[..., 0:1]
+        damping_and_preload = lines[..., 2:4]
+        masses = identity[:, self._line_masses].reshape(self.size, -1, 1)
+        coulomb = identity[:, self._line_coulomb].reshape(self.size, -1, 1)
         of_lines = np.concatenate([stiffness, damping_and_preload, masses, coulomb], axis=-1)
-        blocks.append(of_lines.reshape(self.size, -1))
-        return blocks
+        matrices.append(of_lines.reshape(self.size, -1))
+        return matrices
+
+    # --- symbols ----------------------------------------------------------------------------------
 
     def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
-        """Mass, first moment and second moments of a body; None without mass."""
+        """Mass, first moment (3,) and second moments (3, 3) of a body; None without mass."""
         if body not in self.bodies:
             return None
         start = _FIRST_BODY + BODY * self.bodies.index(body)
@@ -144,23 +174,27 @@ class SymbolicParameters:
     def of_lines(self, p: "SX") -> "list[list[SX]]":
         """Stiffness, rest length, damping and preload of each line."""
         numbers = []
-        for i in range(self._line_count):
-            start = self._first_line + LINE * i
+        for start in range(self._line_numbers.start, self._line_numbers.stop, LINE):
             numbers.append([p[start + k] for k in range(LINE)])
         return numbers
 
     def line_masses(self, p: "SX") -> "dict[int, SX]":
-        """Masses of the lines that have one, by their indices."""
-        return {k: p[self._first_line_mass + i] for i, k in enumerate(self.massive_lines)}
+        """Masses of the lines that have one, by the index of the line."""
+        return {k: p[self._line_masses.start + i] for i, k in enumerate(self.massive_lines)}
 
     def line_coulomb(self, p: "SX") -> "dict[int, SX]":
-        """Dry friction of the lines that have it, by their indices."""
-        return {k: p[self._first_line_coulomb + i] for i, k in enumerate(self.dry_lines)}
+        """Dry friction of the lines that have it, by the index of the line."""
+        return {k: p[self._line_coulomb.start + i] for i, k in enumerate(self.dry_lines)}
 
     def of_joints(self, name: str, p: "SX") -> "dict[int, SX]":
-        """A quantity of the joints that have it, by indices as those of `joints`."""
-        start = self._starts[name]
-        return {i: p[start + k] for k, i in enumerate(self.joints[name])}
+        """A quantity of the joints that have it, by the indices in `joints`."""
+        start = self._joint_numbers[name].start
+        return {index: p[start + k] for k, index in enumerate(self.joints[name])}
+
+
+def _next(start: int, count: int) -> slice:
+    """The places of `count` numbers from index `start` on."""
+    return slice(start, start + count)
 
 
 def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
