@@ -2,9 +2,9 @@
 """Kernels that compute matrices column by column, for several columns side by side.
 
 The results of these quantities are matrices (derivatives, mass matrix, Jacobians) with a column, or
-a row, for each coordinate. What belongs to coordinate k is computed along the *direction* L e_k:
-the motion of the joints for a unit rate of this coordinate. The code for one direction grows in
-proportion to the robot, that for a whole matrix faster.
+a row, for each coordinate. The column or row of coordinate k is computed along the *direction*
+L e_k: the motion of the joints for a unit rate of this coordinate. The code for one direction grows
+in proportion to the robot; the code for a whole matrix grows faster.
 
 A kernel has two sorts of code:
 
@@ -12,8 +12,12 @@ A kernel has two sorts of code:
 - *passes*: the coordinates are divided into groups (`branches`), and each group has a function for
   any of its directions. It runs for as many directions at once as a register has lanes.
 
-Derivatives of accelerations are those of the forces at these accelerations, then one solution with
-the inertia matrix, for all columns: docs/derivatives.md, The direct dynamics.
+Derivatives of accelerations can have a last step. The passes compute derivatives of the forces. One
+solution with the inertia matrix for all columns makes accelerations of them (docs/derivatives.md,
+The direct dynamics).
+
+`make` makes the symbols of a kernel. The functions in `QUANTITIES` and `FRAMES` write down what
+each quantity is along a direction.
 """
 
 from collections.abc import Callable
@@ -30,21 +34,21 @@ from .symbols import Sparse, SymmetricFactors, add, column
 
 
 class KernelParts(NamedTuple):
-    """What makes a kernel of one quantity."""
+    """Symbols of the inputs, results and checks of one quantity."""
 
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
-    #: All results in a column; of a kernel along directions those that are computed once.
+    #: The results in a column. For a kernel along directions, only those that are computed once.
     output: SX
-    #: Checks beside those of the state.
+    #: Checks (see `kernel_checks`), without those of the state.
     checks: list[Any]
 
 
 class Place(NamedTuple):
     """Where a result along the direction of a coordinate stands in the result of a quantity.
 
-    For coordinate k its index is `first` + k `stride`. In a matrix with rows of some width, written
-    row by row, what belongs to coordinate k is column k (stride 1) or row k (stride width).
+    For coordinate k its index is `first` + k `stride`. The result is a matrix, written row by row.
+    The stride is 1 if column k belongs to coordinate k. It is the width of a row if row k does.
     """
 
     first: int
@@ -52,7 +56,7 @@ class Place(NamedTuple):
 
 
 class Pass(NamedTuple):
-    """The results along the directions of a group of coordinates."""
+    """The results along a direction of a group of coordinates."""
 
     #: Symbols of a direction: a rate for each coordinate of the group.
     direction: SX
@@ -60,39 +64,43 @@ class Pass(NamedTuple):
     coordinates: list[int]
     #: Results along the direction, in a column; results that are zero are left out.
     results: SX
-    #: The place of each of these.
+    #: The place of each result.
     places: list[Place]
-    #: Checks, as those of a kernel.
+    #: Checks of this direction, in a column.
     checks: SX
 
 
 class Solution(NamedTuple):
-    """A last step: the result is A^-1 times what was computed, A = P L D L^T P^T of full rank."""
+    """A last step that multiplies the computed matrix by A^-1, with P^T A P = L D L^T.
 
-    #: Reciprocals of D, then the entries of L below its unit diagonal.
+    L is lower triangular with ones on its diagonal, D is diagonal and P a permutation.
+    """
+
+    #: Reciprocals of D, then the entries of L below its diagonal.
     factors: SX
-    #: Row of the result by row of L.
+    #: The row of A for each row of L.
     order: list[int]
-    #: Row and column in L of its entries, column by column.
+    #: Row and column of each entry of L below its diagonal, column by column.
     entries: list[tuple[int, int]]
 
 
 class Directions(NamedTuple):
     """How a kernel computes its result along directions."""
 
-    #: Size of the result.
+    #: Number of entries of the result, which is a matrix.
     size: int
-    #: Size of a row of the result.
+    #: Number of columns of the result.
     width: int
-    #: Indices in the result of the output of the kernel, which is computed once.
+    #: For each entry of `KernelParts.output`, its index in the result.
     places: list[int]
     passes: list[Pass]
+    #: The last step, if there is one.
     solution: Solution | None = None
 
 
-#: Results along a direction, by their places; what is left out is zero.
+#: Results along a direction, by their places. Results that are left out are zero.
 _Results = dict[Place, SX]
-#: A function of a direction, a rate for each coordinate: results and checks.
+#: A function of a direction (a rate for each coordinate) that returns results and checks.
 _Along = Callable[[SX], tuple[_Results, list[Any]]]
 
 
@@ -101,11 +109,11 @@ class _ByDirections(NamedTuple):
 
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
-    #: Size of the result.
+    #: As in `Directions`.
     size: int
-    #: Size of a row of the result.
+    #: As in `Directions`.
     width: int
-    #: The results along a direction.
+    #: The function that computes the results along a direction.
     along: _Along
     #: The results that are computed once, by their indices in the result.
     once: dict[int, SX]
@@ -117,7 +125,14 @@ class _ByDirections(NamedTuple):
 def make(
     e: Equations, checks: Checks, quantity: str, frame: str | None
 ) -> tuple[KernelParts, Directions]:
-    """The parts of a kernel that are computed once for a sample, and the rest by directions."""
+    """The parts of a kernel that are computed once for a sample, and the rest by directions.
+
+    Args:
+        e: The equations.
+        checks: Checks of the robot's kernels.
+        quantity: A name in `QUANTITIES`, or in `FRAMES` if a frame is given.
+        frame: The name of a frame; None for a quantity of the whole robot.
+    """
     if frame is None:
         symbols = QUANTITIES[quantity](e, checks)
     else:
@@ -153,17 +168,23 @@ def _pass(e: Equations, along: _Along, group: list[int]) -> Pass:
 
 
 def _in_column(x: SX, width: int, first: int) -> _Results:
-    """Results x that are column `first` + k of a matrix with rows of this width."""
+    """Places for results x that are column `first` + k of a matrix, for coordinate k.
+
+    `width` is the number of columns of the matrix.
+    """
     return {Place(i * width + first, 1): entry for i, entry in enumerate(ca.vertsplit(x))}
 
 
 def _in_row(x: SX, width: int, first: int = 0) -> _Results:
-    """Results x that are row k, from column `first` on, of a matrix with rows of this width."""
+    """Places for results x that are row k of a matrix, from column `first` on, for coordinate k.
+
+    `width` is the number of columns of the matrix.
+    """
     return {Place(first + i, width): entry for i, entry in enumerate(ca.vertsplit(x))}
 
 
 def _joint_rates(e: Equations, direction: SX) -> Sparse:
-    """The rates L `direction` of the tree."""
+    """The rates L x of the tree for a direction x."""
     return e.complete(ca.vertsplit(direction), {})
 
 
@@ -204,12 +225,12 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     factors = e.inertia_factors
 
     def forces_along(direction: SX) -> tuple[_Results, list[Any]]:
-        """-df by q and va: the last step multiplies all columns by the inverse inertia matrix."""
+        """-f_q and -f_va. The last step multiplies all columns by the inverse inertia matrix."""
         by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
         return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
 
     def accelerations_along(direction: SX) -> tuple[_Results, list[Any]]:
-        """Derivatives of aa, with a solution by articulated bodies for each direction."""
+        """Derivatives of aa, solved by articulated bodies for each direction."""
         by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
         solutions = factors.solve(ca.horzcat(-by_q, -by_va, direction))
         # The third solution is a column of the inverse inertia matrix, which is symmetric. So it is
@@ -241,7 +262,7 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
 
 
 def _solution(factors: SymmetricFactors) -> Solution:
-    """The solution with a matrix that is factorised."""
+    """The last step for a factorised matrix A."""
     L = factors.LT.T  # CasADi stores it column by column
     rows, columns = L.sparsity().get_triplet()
     inverses = 1 / ca.densify(factors.D)
@@ -271,7 +292,10 @@ def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
-    """Inertia and Coriolis matrix, (n, n) each, forces of gravity with springs, and of friction."""
+    """Inertia matrix, Coriolis matrix, forces of gravity with springs, forces of friction.
+
+    The shapes are (n, n), (n, n), (n,) and (n,).
+    """
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
@@ -301,7 +325,10 @@ def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
 
 
 def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
-    """Y, shape (n, p): row k has the derivatives of the power along L e_k by all parameters."""
+    """Y, shape (n, p): row k has the derivatives of f_k by all parameters of the regressor.
+
+    f_k is the power of the forces of the tree along L e_k.
+    """
     nv = e.mechanism.model.nv
     blocks = e.parameters.by_parameters()
     sizes = [block.shape[1] for block in blocks]
@@ -313,8 +340,9 @@ def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
         L = _joint_rates(e, direction)
         rates = column(L, range(nv))
         by_numbers = ca.gradient(ca.dot(rates, forces), e.p).T
-        # Columns: bodies and joints, offsets of joint forces, lines, offsets of motor torques.
         *bodies_and_joints, lines = (by_numbers @ ca.sparsify(ca.DM(block)) for block in blocks)
+        # The derivative by the offset of a joint force is the rate of the joint, the derivative by
+        # the offset of a motor torque is the rate of the motor.
         motor_rates = []
         for B_k in e.motor_columns:
             motor_rates.append(SX(total(x * L[i] for i, x in B_k.items() if i in L)))
@@ -344,7 +372,7 @@ QUANTITIES: dict[str, Callable[[Equations, Checks], _ByDirections]] = {
 
 
 def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
-    """J, shape (6, n)."""
+    """The Jacobian J of a frame, shape (6, n)."""
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
@@ -356,7 +384,7 @@ def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
 
 
 def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _ByDirections:
-    """J_dot, shape (6, n)."""
+    """The rate J_dot of the Jacobian of a frame, shape (6, n)."""
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
