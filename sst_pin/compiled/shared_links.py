@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Loops that share links, coupled by the twists of these links.
 
-In a scissor lift each loop lies on all cells below it. Written with the joint rates only, the row
-of loop k has entries for the joints of all loops before k, and the robot as many as the square of
-the number of loops. Here the twist of a link that several loops share is an auxiliary unknown,
-which follows from the twist of the link before it:
+In a scissor lift each loop stands on all cells below it. A row of loop k has entries for the joints
+of all loops before it. So the number of entries of Phi grows with the square of the number of
+loops. To avoid this, `coupled` makes the twist [u; omega] of a link that several loops share an
+auxiliary unknown. It is defined by the twist of a link p before it:
 
     omega_i = omega_p + s_i v_i,   u_i = u_p + omega_p x (o_i - o_p) + t_i v_i,
 
-with the origin o_i of link i, its velocity u_i, and the axis [t_i; s_i] of its joint. A row then
-has entries for the joints of its own loop and for two twists. All twists are relative to the last
-link that carries both branches of the loop, in its axes.
+with the origin o_i of link i, the velocity u_i of this point, and the axis [t_i; s_i] of its joint.
+A row then has entries only for the joints of its own loop and for the twists of two links, one for
+each branch of the loop. All twists are relative to the *base*: the last link that carries both
+branches. They are in the axes of the base.
 
-The system that is solved is Phi_u v_u = b with the rates v_u of dependent joints. The twists are
-therefore only the parts that dependent rates give; what coordinates give is in b. The equations
-that define twists have b = 0.
+The system is Phi_u v_u = b with the dependent rates v_u. So the twists contain only what dependent
+rates give. What the coordinates give is in b. The rows that define twists have b = 0.
 """
 
 from collections import Counter
@@ -29,10 +29,10 @@ from .elimination import Definition, Factors
 from .link_kinematics import Kinematics
 from .symbols import Sparse, is_zero, sx
 
-#: Twists are used if the solution without them has at least this many times the products.
+#: Twists are used if the solution without them takes at least this many times as many products.
 _WORTH = 1.25
 
-#: Columns of the components 0 to 5 of a twist; components that are zero have none.
+#: The columns of a twist in the matrix, by component 0 to 5. Components that are zero have none.
 TwistColumns = dict[int, int]
 
 
@@ -44,9 +44,9 @@ class FirstIndices(NamedTuple):
 
 
 class _KnownPart(NamedTuple):
-    """The part of a branch whose dependent rates are known when a row is solved."""
+    """The first part of a branch, whose dependent rates are known before a row is solved."""
 
-    #: The last link of this part that a dependent rate moves.
+    #: The last link of this part whose joint has a dependent rate.
     link: int
     #: The dependent rates of this part.
     rates: set[int]
@@ -58,13 +58,15 @@ def coupled(
     blocks: Sequence[Factors],
     first: FirstIndices,
 ) -> tuple[dict[int, Sparse], list[Factors | Definition]]:
-    """Rows of blocks of loops and of auxiliary unknowns, and the order in which all are solved.
+    """Rows of blocks and of auxiliary unknowns, and the order in which all are solved.
+
+    The result has auxiliary unknowns only if they save products.
 
     Args:
         kinematics: The motion of the links.
         rows: All rows of the closures.
         blocks: Blocks of Phi_u in the order of solution.
-        first: The indices that auxiliary unknowns get.
+        first: The indices of the first auxiliary unknown.
     """
     entries = {i: rows[i].Phi for block in blocks for i in block.rows}
     if len(blocks) == 1:
@@ -76,7 +78,10 @@ def coupled(
 
 
 def _products(entries: Mapping[int, Sparse], blocks: Sequence[Factors | Definition]) -> int:
-    """Products that couple blocks in one solution; an entry that is 1 or -1 costs none."""
+    """Number of products with unknowns of earlier blocks in one solution.
+
+    An entry that is 1 or -1 takes no product.
+    """
     known = set[int]()
     count = 0
     for block in blocks:
@@ -90,7 +95,7 @@ def _products(entries: Mapping[int, Sparse], blocks: Sequence[Factors | Definiti
 
 
 class _ByTwists:
-    """Rows of blocks of loops that are coupled by twists.
+    """Rows of blocks that are coupled by twists; the arguments are those of `coupled`.
 
     Attributes:
         entries: Entries of each row by column, rows of definitions included.
@@ -108,27 +113,30 @@ class _ByTwists:
         self._links = kinematics.tree.links
         self._dependent = {j for block in blocks for j in block.columns}
         links_of_rate = Counter(j for link in self._links for j in link.v)
-        #: Dependent rates that move one link relative to its parent. The rate of a joint that mimic
-        #: joints follow moves several: a row's entry for it is more than a part of one twist.
+        #: Dependent rates that move a single link relative to its parent. A joint that mimic joints
+        #: follow shares its rate with them. The entry of a row for such a rate contains more than
+        #: one link and cannot be replaced by the twist of one.
         self._of_one_link = {j for j in self._dependent if links_of_rate[j] == 1}
         #: Indices of the next auxiliary unknown.
         self._next_row, self._next_column = first
-        #: The twists that are defined, by base and link.
+        #: The twists that are defined so far, by base and link.
         self._twists: dict[tuple[int, int], TwistColumns] = {}
         self.entries: dict[int, Sparse] = {}
         self.sequence: list[Factors | Definition] = []
         known = set[int]()
         for block in blocks:
             for i in block.rows:
-                # Definitions that the row needs come before its block.
-                self.entries[i] = self._couple(rows[i], known)
+                # This adds the definitions that the row needs to the sequence, before its block.
+                self.entries[i] = self._row_with_twists(rows[i], known)
             self.sequence.append(block)
             known.update(block.columns)
 
-    def _couple(self, row: Row, known: Set[int]) -> Sparse:
-        """A row with twists in place of known rates; twists that are new are defined.
+    def _row_with_twists(self, row: Row, known: Set[int]) -> Sparse:
+        """Entries of a row with twists in place of known rates. New twists are defined.
 
-        `known` are the rates of earlier blocks.
+        Args:
+            row: The row.
+            known: The rates of earlier blocks.
         """
         entries = dict(row.Phi)
         for end in row.ends:
@@ -137,7 +145,8 @@ class _ByTwists:
                 continue
             for j in part.rates:
                 entries.pop(j, None)
-            # The velocity of the end is that of the link, continued to the point of the end.
+            # What the known rates contribute to the row is what the twist of the link contributes,
+            # if all joints between the link and the end are fixed.
             lever = end.point - self._origin(end.base, part.link)
             coefficients = _coefficients_of_twist(end, lever)
             for component, column in self._defined_twist(end.base, part.link).items():
@@ -146,16 +155,17 @@ class _ByTwists:
         return entries
 
     def _known_part(self, end: End, known: Set[int]) -> _KnownPart:
-        """The part of the branch from the base to an end up to which dependent rates are known.
+        """The known part of the branch from the base to an end.
 
-        A link that only coordinates move does not end it. A link whose rate moves other links too
-        does: it counts as unknown.
+        It ends before the first link with a dependent rate that is not known, or that moves other
+        links too.
         """
         last = end.base
         rates = set[int]()
+        usable = known & self._of_one_link
         for link in self._path(end.base, end.link):
             of_link = self._dependent_rates(link)
-            if not of_link <= known & self._of_one_link:
+            if not of_link <= usable:
                 break
             if of_link:
                 last = link
@@ -165,7 +175,7 @@ class _ByTwists:
     def _defined_twist(self, base: int, link: int) -> TwistColumns:
         """The twist of a link relative to a base, which is defined now if it is new.
 
-        It follows from the twist of the last link before it that a dependent rate moves.
+        It is defined by the twist of the last link before it whose joint has a dependent rate.
         """
         if (base, link) not in self._twists:
             before = base
@@ -181,10 +191,10 @@ class _ByTwists:
     def _define(
         self, base: int, before: int, twist_before: TwistColumns, link: int
     ) -> TwistColumns:
-        """Add the definition of the twist of a link from that of a link before it.
+        """Add rows that define the twist of a link by the twist of a link before it.
 
-        Row k is twist_k - (X twist_before)_k - (axes v)_k = 0 for twists [u; omega]: X moves the
-        point of the velocity from the one origin to the other.
+        Row k is twist_k - (X twist_before)_k - (axes v)_k = 0 for twists [u; omega]. X gives the
+        velocity at the origin of the link: u + omega x lever = u - skew(lever) omega.
         """
         lever = self._origin(base, link) - self._origin(base, before)
         X = SX.eye(6)
@@ -205,7 +215,11 @@ class _ByTwists:
         return twist
 
     def _add_definition(self, entries: Sparse) -> int:
-        """Add a row that defines an auxiliary unknown by other entries; the column of it."""
+        """Add a row that defines an auxiliary unknown; returns the column of the unknown.
+
+        Args:
+            entries: The other entries of the row.
+        """
         row = self._next_row
         column = self._next_column
         self._next_row += 1
@@ -225,13 +239,18 @@ class _ByTwists:
         return path[path.index(base) + 1 :]
 
     def _dependent_rates(self, link: int) -> set[int]:
+        """The dependent rates of the joint of a link."""
         return self._dependent.intersection(self._links[link].v)
 
 
 def _coefficients_of_twist(end: End, lever: SX) -> list[SX]:
-    """Coefficients in a row of the twist of a link; `lever` leads from its origin to the end.
+    """Coefficients of the six components of a link's twist in a row.
 
-    The rate of the end is linear in the twist, so that its gradient are the coefficients.
+    The rate of the end is a linear function of the twist. So its gradient has the coefficients.
+
+    Args:
+        end: An end of the row.
+        lever: The vector from the origin of the link to the end.
     """
     u = SX.sym("u", 3)
     omega = SX.sym("turn", 3)
