@@ -2,9 +2,9 @@
 """Groups of coordinates that move the same branches of a robot.
 
 Derivatives are computed for several coordinates side by side, in the lanes of one register. Each
-group of coordinates has its own code, a *pass*, in which bodies that none of them moves cost
-nothing. A group with more coordinates than lanes runs its pass several times. In a humanoid the
-base is a group, and each limb.
+group of coordinates has its own code, a *pass*. Links that no coordinate of the group moves take no
+operations in it. A group with more coordinates than lanes runs its pass several times. In a
+humanoid, the coordinates of the base are a group, and those of each limb are one.
 
 More groups mean less work in each pass, but more passes. The time is estimated as the number of
 moved links in all passes.
@@ -28,7 +28,10 @@ def groups(equations: Equations) -> list[list[int]]:
 
 
 def _moved_links(equations: Equations) -> list[set[int]]:
-    """For each coordinate the links that it moves, those behind the joints that follow included."""
+    """For each coordinate the links that it moves.
+
+    These are the links behind all joints that move with the coordinate, dependent joints included.
+    """
     tree = equations.kinematics.tree
     moved: list[set[int]] = []
     for L in equations.L:
@@ -43,8 +46,13 @@ def _moved_links(equations: Equations) -> list[set[int]]:
 def _groups(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[int]]:
     """Coordinates in groups, split where that saves time.
 
-    Coordinates that move no link together are in different groups. Else the trunk, the coordinates
-    that move all links of the group, may be split from the rest, which then is divided again.
+    Coordinates that move no link in common are in different groups. The *trunk* of a connected
+    group are the coordinates that move all of its links, for instance those of a humanoid's base.
+    It is split from the other coordinates if that saves time. These are then divided again.
+
+    Args:
+        coordinates: Indices of the coordinates.
+        moved: The links that each coordinate moves.
     """
     parts = _connected(coordinates, moved)
     if len(parts) > 1:
@@ -65,9 +73,10 @@ def _groups(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[
 
 
 def _connected(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[int]]:
-    """Parts of the coordinates that move no link together."""
+    """Parts of the coordinates: coordinates of different parts move no link in common."""
     parts: list[tuple[list[int], set[int]]] = []
     for k in coordinates:
+        # Coordinate k joins all parts with which it moves a link in common to one part.
         members = [k]
         links = set(moved[k])
         others = []
@@ -82,7 +91,7 @@ def _connected(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[li
 
 
 def _time(group: Sequence[int], moved: Sequence[set[int]]) -> int:
-    """Number of links that move, in all runs of the pass of a group."""
+    """The estimated time of a group: number of moved links times runs of its pass."""
     links = set[int]().union(*(moved[k] for k in group))
     runs = -(-len(group) // LANES)  # rounded up
     return len(links) * runs

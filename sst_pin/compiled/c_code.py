@@ -217,7 +217,7 @@ def _function(
     if len(lines) <= statements.LARGEST:
         if recompute:
             lines = with_addresses_again(with_cheap_results_again(lines))
-        body_lines = arranged(statements.together(lines))
+        body_lines = arranged(statements.with_sines_together(lines))
         return _Function(statements.function(head, [unused, *body_lines]), room)
     parts, handed_on = statements.in_parts(statements.pieces(lines))
     texts: list[str] = []

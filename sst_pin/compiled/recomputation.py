@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Computes results again instead of keeping them, for GPUs.
 
-A thread of a GPU has registers for about a hundred doubles. All other results that are still to be
-used are in its stack, which is in memory, and access to it takes longer than an operation does. So
-a result that is used long after it was computed is computed again, if few operations suffice:
+A thread of a GPU has registers for about a hundred doubles. All other results that are still needed
+are in its stack. The stack is in memory, and access to it takes longer than an operation. So a
+result that is used long after it was computed is computed again, if few operations suffice:
 
     const real t1 = x[0] * x[1];              const real t1 = x[0] * x[1];
     const real t2 = t1 + p[0];                const real t2 = t1 + p[0];
@@ -17,15 +17,15 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from .statements import RESULT
+
 #: A result is computed again before a use if it was not used for more statements than this.
 _NEAR = 200
-#: It is kept instead if computing it again would take more statements than this.
+#: A result is kept instead if computing it again would take more statements than this.
 _MOST = 50
-#: Names of results of statements.
-_RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
 #: A statement that defines one result.
 _DEFINITION = re.compile(r"const real (\w+) = (.*);")
-#: A function, which takes too long to be computed again.
+#: A call of a function, which takes too long to be repeated.
 _FUNCTION = re.compile(r"[A-Za-z]\w*\(")
 #: A number that can be hidden from the compiler: a result or an entry of an array.
 _NUMBER = re.compile(r"\b(?:(?:ti?|s|c)\d+|[a-z]\[\d+\])")
@@ -50,9 +50,9 @@ class _Statement(NamedTuple):
 def with_cheap_results_again(lines: Sequence[str]) -> list[str]:
     """Statements in which cheap results are computed again before a use that is far away.
 
-    `again(x)` in a repeated statement is x; it hides from the compiler that the value is known,
-    which otherwise would keep the first result. Measured for the torques of the delta in double
-    precision: 1.8 times the statements, and a stack of 1.5 kB instead of 3.8 kB.
+    `again(x)` in a repeated statement has the value x. It hides from the compiler that the value is
+    known. Otherwise the compiler would keep the first result. Measured for the torques of the delta
+    in double precision: 1.8 times the statements, and a stack of 1.5 kB instead of 3.8 kB.
     """
     return _Recomputation([_read(line) for line in lines]).lines
 
@@ -60,15 +60,15 @@ def with_cheap_results_again(lines: Sequence[str]) -> list[str]:
 def with_addresses_again(lines: Sequence[str]) -> list[str]:
     """Statements that compute the address of a parameter wherever they read it.
 
-    `located(p)` is p; it hides from the compiler that an address is known. Measured for the steps
-    of the delta in double precision: a stack of 2.0 kB instead of 2.9 kB.
+    `located(p)` has the value p. It hides from the compiler that an address is known. Measured for
+    the steps of the delta in double precision: a stack of 2.0 kB instead of 2.9 kB.
     """
     return [_PARAMETER.sub("located(p)[", line) for line in lines]
 
 
 def _read(line: str) -> _Statement:
-    """The names in a statement."""
-    names = list(dict.fromkeys(_RESULT.findall(line)))
+    """A statement with the names in it."""
+    names = list(dict.fromkeys(RESULT.findall(line)))
     if definition := _DEFINITION.fullmatch(line):
         expression = "" if _FUNCTION.search(definition[2]) else definition[2]
         return _Statement(line, expression, names[:1], names[1:])
@@ -80,13 +80,15 @@ def _read(line: str) -> _Statement:
 class _Recomputation:
     """Goes through statements from the first to the last; `lines` are the new statements.
 
-    A result is *available* at a statement if it need not be computed again there: it was used or
-    defined shortly before, or it takes a function, or it is kept.
+    A result is *available* at a statement if it need not be computed again there. This has one of
+    three reasons: it was used or defined shortly before; its statement cannot be repeated; or it is
+    kept.
     """
 
     def __init__(self, statements: Sequence[_Statement]) -> None:
-        #: The statement that defines each result, and the number of the last one that uses it.
+        #: The statement that defines each result.
         self._defined_by: dict[str, _Statement] = {}
+        #: The number of the last given statement that uses each result.
         self._last_use: dict[str, int] = {}
         for i, statement in enumerate(statements):
             self._defined_by |= dict.fromkeys(statement.targets, statement)
@@ -97,6 +99,7 @@ class _Recomputation:
         self._kept = set[str]()
         #: Names of the newest copies of results that were computed again.
         self._copies: dict[str, str] = {}
+        #: The number of the next copy t<number>; no result has it yet.
         self._count = 1 + max((int(t[1:]) for t in self._defined_by if t[1:].isdigit()), default=0)
         self.lines: list[str] = []
         for i, statement in enumerate(statements):
@@ -119,11 +122,11 @@ class _Recomputation:
         is_near = at - self._recent[result] <= _NEAR
         if is_near or not self._defined_by[result].expression:
             return True
-        # A kept result ends with its last use in the statements that were given.
+        # A kept result is available until its last use in the given statements.
         return result in self._kept and self._last_use[result] >= at
 
     def _cost(self, result: str, at: int, most: int) -> int:
-        """The number of statements that compute a result again; `most` + 1 if there are more."""
+        """The number of statements that compute a result again; `most` + 1 if it exceeds `most`."""
         if self._is_available(result, at):
             return 0
         statement = self._defined_by[result]
@@ -153,4 +156,4 @@ class _Recomputation:
 
     def _with_copies(self, text: str) -> str:
         """A text with the names of the newest copies of results."""
-        return _RESULT.sub(lambda name: self._copies.get(name[0], name[0]), text)
+        return RESULT.sub(lambda name: self._copies.get(name[0], name[0]), text)

@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Builds C functions from statements, one statement for each operation."""
+"""Builds C functions from statements, one statement for each operation.
+
+A statement is a text such as `const real t7 = t3 * x[2];`. It defines a *result*, here t7, and uses
+results of statements before it. `c_code` calls these functions, in this order:
+
+1. `pieces` and `in_parts` make several functions of a long one; `with_sines_together` moves the
+   sines and cosines of a short function to its beginning;
+2. `with_results_in_memory` stores results in an array until a distant use;
+3. `function` writes the text of a function.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
 from heapq import heappop, heappush
 from itertools import pairwise
 
-#: Characters of a line.
+#: The most characters of a line.
 _WIDTH = 94
 #: The most statements of an undivided function.
 LARGEST = 7000
@@ -14,7 +23,7 @@ LARGEST = 7000
 _PART = 500
 
 # For `with_results_in_memory`:
-#: A function of no more statements stays as it is.
+#: A function with this number of statements or fewer stays as it is.
 _FEW = 300
 #: A result that is not used for more statements than this is stored in the array.
 _NEAR = 120
@@ -24,27 +33,27 @@ _REACH = 32
 _POINTERS = 12
 
 #: Names of results of statements.
-_RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
-#: Sine and cosine of a number of the input.
-_TURN = re.compile(r"real s(\d+), c\d+; sines_cosines\(1, &(x\[\d+\])")
+RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
+#: The statement for the sine and the cosine of an entry of x; groups: number of the result, entry.
+_SINE_AND_COSINE = re.compile(r"real s(\d+), c\d+; sines_cosines\(1, &(x\[\d+\])")
 
 
 def function(head: str, lines: Sequence[str]) -> str:
-    """A function by its head and its statements."""
+    """The text of a function, from its head and its statements."""
     return "\n    ".join([f"{head}\n{{", *_wrapped(lines)]) + "\n}\n"
 
 
-def together(lines: Sequence[str]) -> list[str]:
-    """Statements with the sines and cosines of all inputs before them, several at once."""
-    names: dict[str, str] = {}
+def with_sines_together(lines: Sequence[str]) -> list[str]:
+    """Statements in which one call computes the sines and cosines of all entries of x, first."""
+    names: dict[str, str] = {}  # new names of results
     angles: list[str] = []
     others: list[str] = []
     for line in lines:
-        turn = _TURN.match(line)
-        if turn is None:
+        match = _SINE_AND_COSINE.match(line)
+        if match is None:
             others.append(line)
             continue
-        number, angle = turn.groups()
+        number, angle = match.groups()
         names[f"s{number}"] = f"s[{len(angles)}]"
         names[f"c{number}"] = f"c[{len(angles)}]"
         angles.append(angle)
@@ -57,13 +66,13 @@ def together(lines: Sequence[str]) -> list[str]:
 
 
 def with_results_in_memory(lines: Sequence[str]) -> list[str]:
-    """Statements of a function in which results wait in an array for a distant use.
+    """Statements of a function in which results are stored in an array until a distant use.
 
     The compiler then allocates registers for few results at a time. Measured with GCC 12 on AVX-512
     for torques and accelerations of the Stewart platform and the Delta, a large function compiles
     in half of the time, runs on a batch in 70 to 80 % of the time, and on one sample in 80 to 93 %.
-    Without the `__asm__`, which hides the array from the compiler, most of that is lost: it moves
-    the results back into registers. The smaller kernels of the SST gain nothing.
+    The `__asm__` hides the array from the compiler. Without it, the compiler moves the results back
+    into registers, and most of the gain is lost. The smaller kernels of the SST gain nothing.
 
     An offset from the stack pointer takes four bytes, a small offset from another pointer one byte.
     So several pointers into the array make the machine code for one sample shorter.
@@ -71,32 +80,32 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
     if len(lines) <= _FEW:
         return list(lines)
     statements_with = _statements_with_results(lines)
-    read_from = _first_distant_uses(statements_with)
+    distant_uses = _first_distant_uses(statements_with)
 
-    # Store each of these results after the statement that makes it, and read it from the array from
-    # its distant use on. Its entry is free after its last use.
+    # A result with a distant use is stored in the array after the statement that defines it. From
+    # its distant use on, it is read from the array. Its entry is free after its last use.
     places: dict[str, int] = {}
-    unused_places: list[int] = []  # a heap: the lowest place is used first
+    free_places: list[int] = []  # a heap: the lowest place is used first
     size = 0
     body: list[str] = []
     for i, line in enumerate(lines):
-        used = list(dict.fromkeys(_used(line)))
-        names = {x: _place(places[x]) for x in used if x in places and i >= read_from[x]}
+        results = list(dict.fromkeys(_results_in(line)))
+        names = {x: _place(places[x]) for x in results if x in places and i >= distant_uses[x]}
         body.append(_renamed(line, names))
-        for result in used:
-            if result not in read_from:
+        for result in results:
+            if result not in distant_uses:
                 continue
             if result not in places:
-                if not unused_places:
-                    heappush(unused_places, size)
+                if not free_places:
+                    heappush(free_places, size)
                     size += 1
-                places[result] = heappop(unused_places)
+                places[result] = heappop(free_places)
                 body.append(f"{_place(places[result])} = {result};")
             if i == statements_with[result][-1]:
-                heappush(unused_places, places[result])
+                heappush(free_places, places[result])
 
     # Declare the array and the pointers into it.
-    pointers = -(-size // _REACH)
+    pointers = -(-size // _REACH)  # rounded up
     declarations: list[str] = []
     if pointers:
         declarations.append(f"real room[{_REACH * pointers}];")
@@ -108,22 +117,22 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
 
 
 def _statements_with_results(lines: Sequence[str]) -> dict[str, list[int]]:
-    """The numbers of the statements with each result; the first of them makes the result."""
+    """The indices of the statements with each result; the first of them defines the result."""
     statements_with: dict[str, list[int]] = {}
     for i, line in enumerate(lines):
-        for result in _used(line):
+        for result in _results_in(line):
             statements_with.setdefault(result, []).append(i)
     return statements_with
 
 
 def _first_distant_uses(statements_with: Mapping[str, Sequence[int]]) -> dict[str, int]:
-    """The first statement that uses a result long after the statement with it before.
+    """The first distant use of each result: more than `_NEAR` statements after the one before.
 
-    Results without such a use are left out.
+    Results without a distant use are left out.
     """
     distant_uses: dict[str, int] = {}
-    for result, numbers in statements_with.items():
-        for before, after in pairwise(numbers):
+    for result, indices in statements_with.items():
+        for before, after in pairwise(indices):
             if after - before > _NEAR:
                 distant_uses[result] = after
                 break
@@ -131,7 +140,7 @@ def _first_distant_uses(statements_with: Mapping[str, Sequence[int]]) -> dict[st
 
 
 def _place(k: int) -> str:
-    """Entry k of the array, by the pointer to the middle of its part."""
+    """Entry k of the array, by the pointer to the middle of the `_REACH` entries around it."""
     return f"w{k // _REACH}[{k % _REACH - _REACH // 2}]"
 
 
@@ -142,42 +151,42 @@ def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[st
     """
     if len(lines) <= (largest or LARGEST):
         return [lines]
-    count = -(-len(lines) // _PART)  # rounded up, as the next one
-    size = -(-len(lines) // count)
+    count = -(-len(lines) // _PART)  # rounded up
+    size = -(-len(lines) // count)  # rounded up
     return [lines[i : i + size] for i in range(0, len(lines), size)]
 
 
 def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
-    """Statements of functions that run one after the other, and the size of their array w.
+    """Statements of a function for each piece, and the size of the array w that they share.
 
-    Compile time grows faster than the size of a function. So a long function becomes one for each
-    piece. Results of a piece that later pieces use are in w; an entry of w is used again after the
-    last use of its result.
+    Compile time grows faster than the size of a function. So a long function becomes several
+    functions, which run one after the other. A result that later pieces use is stored in w. Its
+    entry of w is free after the last piece that uses it.
     """
-    last = dict[str, int]()  # the last piece that uses each result
+    last_piece = dict[str, int]()  # the last piece that uses each result
     for k, piece in enumerate(pieces):
         for line in piece:
-            last |= dict.fromkeys(_used(line), k)
+            last_piece |= dict.fromkeys(_results_in(line), k)
     places = dict[str, int]()  # entries of w, by result
-    unused_places = list[int]()
+    free_places = list[int]()
     size = 0
     bodies = list[list[str]]()
     for k, piece in enumerate(pieces):
         # Results of earlier pieces are read from w.
-        at = {result: f"w[{place}]" for result, place in places.items()}
-        body = [_renamed(line, at) for line in piece]
-        for result in at:
-            if last[result] == k:
-                unused_places.append(places.pop(result))
+        earlier = {result: f"w[{place}]" for result, place in places.items()}
+        body = [_renamed(line, earlier) for line in piece]
+        for result in earlier:
+            if last_piece[result] == k:
+                free_places.append(places.pop(result))
 
-        # Results of this piece that later ones use are written to w at its end.
-        results = {result for line in piece for result in _used(line)} - at.keys()
+        # Results of this piece that later pieces use are written to w at its end.
+        results = {result for line in piece for result in _results_in(line)} - earlier.keys()
         for result in sorted(results):
-            if last[result] > k:
-                if not unused_places:
-                    unused_places.append(size)
+            if last_piece[result] > k:
+                if not free_places:
+                    free_places.append(size)
                     size += 1
-                places[result] = unused_places.pop()
+                places[result] = free_places.pop()
                 body.append(f"w[{places[result]}] = {result};")
         bodies.append(body)
     return bodies, size
@@ -185,16 +194,16 @@ def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
 
 def _renamed(line: str, names: Mapping[str, str]) -> str:
     """A statement with other names for some results."""
-    return _RESULT.sub(lambda match: names.get(match[0], match[0]), line)
+    return RESULT.sub(lambda match: names.get(match[0], match[0]), line)
 
 
-def _used(line: str) -> list[str]:
-    """Names of results in a statement."""
-    return _RESULT.findall(line)
+def _results_in(line: str) -> list[str]:
+    """Names of results in a statement, defined or used."""
+    return RESULT.findall(line)
 
 
 def _wrapped(statements: Sequence[str]) -> list[str]:
-    """Statements in lines of some hundred characters."""
+    """Statements, several in a line of at most `_WIDTH` characters."""
     lines = [""]
     for statement in statements:
         if len(lines[-1]) + len(statement) > _WIDTH:
