@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The kernel of `chain.reactions`: wrenches in joints and closures, on CasADi's symbols.
 
-The method is that of `dynamics.reactions`:
+The method is that of `dynamics.reactions`, and `reactions` follows its steps:
 
-1. A row of Phi with the multiplier 1 gives to each link the wrench that is the gradient of Phi v by
-   the twist of the link, because Phi v is its power. `wrenches_of_rows` has these.
-2. The multipliers Lambda follow from the balance along the dependent rates, Phi_u^T Lambda = b_u,
-   where b is what the motion needs less what the motors give.
-3. A joint gives to all that it carries what this needs for the motion, less what the rows give.
-4. The multipliers of redundant rows are free: each redundant row, together with the multipliers
-   that balance it, is a state of inner stress. A component that an inner stress changes is not
-   unique.
+1. The multipliers Lambda of the closures follow from the balance along the dependent rates,
+   Phi_u^T Lambda = b_u, where b are the forces that the motion needs less those of the motors.
+2. A row of Phi with the multiplier 1 exerts a wrench on each link. This wrench is the gradient of
+   Phi v by the twist of the link, because Phi v is the power of the row (`on_links`).
+3. A link needs a wrench for its motion. What the rows do not exert of it is left to the joints.
+   The sum of this over all links that a joint carries is the wrench of the joint.
+4. The multipliers of redundant rows are not unique. Each redundant row, together with the
+   multipliers that balance it, is a state of inner stress. A component of a wrench that an inner
+   stress changes is not unique.
 
-A force along a line (spring, damper, cylinder) acts as the row of a closure whose multiplier is
-known. The rows of lines have the numbers after those of closures.
+A force along a line (spring, damper, cylinder) acts like the row of a closure whose multiplier is
+known. The rows of lines are counted after the rows of closures.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,18 +35,19 @@ from .symbols import Sparse, add, column, sx
 
 
 class _Wrenches(NamedTuple):
-    """Wrenches in a robot, [force; moment] in a column."""
+    """Wrenches in a robot, each [force; moment]."""
 
-    #: Those of joints, then of closures, in the axes of `Reactions`.
+    #: The wrenches of joints, then those of closures, in one column. `Reactions` says on which body
+    #: and in which axes each acts.
     values: SX
-    #: The wrench of the ground on the robot at the world's origin.
+    #: The wrench of the ground on the robot, about the world's origin.
     ground: SX
 
 
 def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
-    """For each row with the multiplier 1 its wrenches on links, by the index of the link.
+    """For each row with the multiplier 1: its wrenches on links, by the index of the link.
 
-    They are [force; moment] about the origin of the link, in its axes.
+    A wrench is [force; moment] about the origin of the link, in its axes.
     """
     velocities, twists = velocities_by_twists(rows, v)
     wrenches_of_rows = []
@@ -62,8 +64,9 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
 def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any]]:
     """Inputs, results and checks of the kernel.
 
-    The results are a column as that of `dynamics.reactions.reactions`: wrenches of joints and
-    closures, that of the ground, motor torques, and a code for each joint and closure.
+    The results are in a column, in the order of `dynamics.reactions.reactions`: wrenches of joints
+    and of closures, the wrench of the ground, motor torques, and a code for each joint and closure:
+    a bit mask of its components that are not unique.
     """
     mechanism = e.mechanism
     inputs = {"q": e.q, "va": e.va, "aa": e.aa}
@@ -72,8 +75,8 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     needed = e.tree_forces
     checks_of_balance = list[Any]()
     if mechanism.driven_one_to_one:
-        # The motors act on coordinates only. They are not in the balance, and tau follows from the
-        # motion. `checks.of_forces` has the check of the balance.
+        # The motors act on coordinates only, so they are not in the balance. tau follows from the
+        # motion. `checks.of_forces` contains the check of the balance.
         tau = e.generalized_forces
     else:
         tau = e.tau
@@ -88,7 +91,7 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     needed_by_links = e.tree.wrenches(e.v, e.dv)
     wrenches = _wrenches(e, wrenches_of_rows, Lambda, needed_by_links)
 
-    # An inner stress gives wrenches although the links need none.
+    # An inner stress has wrenches although the links need none.
     nothing_needed = [SX(6, 1) for _ in needed_by_links]
     stresses = []
     for multipliers in _inner_stresses(e):
@@ -101,7 +104,7 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
 
 
 def _codes(stresses: Sequence[SX], size: int, length: float) -> list[SX]:
-    """For each joint and closure the sum of `BITS` of its components that are not unique.
+    """A code for each joint and closure: the sum of `BITS` of its components that are not unique.
 
     A component is unique if the sum of squares of its values in all inner stresses is small.
 
@@ -113,14 +116,14 @@ def _codes(stresses: Sequence[SX], size: int, length: float) -> list[SX]:
     """
     codes = [SX(0)] * (size // 6)
     for k in range(size):
-        joint = k // 6
+        wrench = k // 6
         component = k % 6
         squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
         if squares:
             is_force = component < 3
-            usual = 1 / length if is_force else 1.0
-            is_unique = total(squares) <= float((UNIQUE * usual) ** 2)
-            codes[joint] += float(BITS[component]) * (1 - is_unique)
+            unit = 1 / length if is_force else 1.0
+            is_unique = total(squares) <= float((UNIQUE * unit) ** 2)  # 1 or 0
+            codes[wrench] += float(BITS[component]) * (1 - is_unique)
     return codes
 
 
@@ -128,9 +131,10 @@ def _codes(stresses: Sequence[SX], size: int, length: float) -> list[SX]:
 
 
 def _rows_of_lines(e: Equations) -> list[Row]:
-    """A row for each line, with Phi v = d . d_dot = length times rate, which needs no root.
+    """A row for each line between two frames.
 
-    So the multiplier of such a row is a force divided by the length.
+    With the vector d between the frames, Phi v = d . d_dot. This is the length times its rate and
+    needs no root. So the multiplier of such a row is a force divided by the length.
     """
     rows = list[Row]()
     for x in e.mechanism.lines.forces:
@@ -141,13 +145,16 @@ def _rows_of_lines(e: Equations) -> list[Row]:
 
 
 def _multipliers_of_lines(e: Equations, tau: SX) -> Sparse:
-    """Multipliers of the rows of lines: forces that push the ends apart, divided by lengths."""
+    """Multipliers of the rows of lines: forces that push the ends apart, divided by lengths.
+
+    Springs, dampers, dry friction and masses pull the ends together. The motors push them apart.
+    """
     multipliers = {}
     first = len(e.rows)
-    pulls_of_springs = e.tree.pulls(e.v)  # of dampers too
-    pulls_of_masses = e.tree.inertial_pulls(e.v, e.dv)
+    pulls = e.tree.pulls(e.v)
+    inertial_pulls = e.tree.inertial_pulls(e.v, e.dv)
     for k, factors in enumerate(e.mechanism.lines.actuation):
-        pushes = [-(pulls_of_springs[k] + pulls_of_masses[k])]
+        pushes = [-(pulls[k] + inertial_pulls[k])]
         for motor, factor in enumerate(factors):
             if factor:
                 pushes.append(float(factor) * tau[motor])
@@ -159,11 +166,11 @@ def _multipliers_of_lines(e: Equations, tau: SX) -> Sparse:
 
 
 def _inner_stresses(e: Equations) -> list[Sparse]:
-    """States of inner stress: multipliers, free of units, of rows that in all give no force.
+    """States of inner stress: multipliers of rows that together exert no force along the rates.
 
-    There is one for each row that has no pivot; its balance is by rows with pivots. Rows of an
-    `Orthogonal` part are all without pivots. Each of them is balanced by the shortest multipliers
-    of the part.
+    There is one state for each row without a pivot. Rows with pivots balance it. In an `Orthogonal`
+    no row has a pivot. There, each row is balanced by the shortest vector of multipliers of all
+    rows.
     """
     with_pivots = set[int]()
     for part in e.factors.parts:
@@ -174,7 +181,8 @@ def _inner_stresses(e: Equations) -> list[Sparse]:
         if i in with_pivots:
             continue
         balance = e.multipliers({j: -x for j, x in row.Phi.items()})
-        # A unit of row i is a force or a moment; times its scale it has the size of unit stress.
+        # A unit multiplier of row i is a unit force or moment. Times the scale of the row it is a
+        # stress of unit size, free of units.
         scale = float(e.mechanism.row_scale[i])
         stresses.append({k: scale * x for k, x in add(balance, {i: SX(1)}).items()})
     return stresses
@@ -200,14 +208,14 @@ def _wrenches(
     mechanism = e.mechanism
     tree = e.kinematics.tree
 
-    # Joints give to links what rows do not give.
+    # Joints exert what rows do not exert.
     by_rows = [SX(6, 1) for _ in tree.links]
     for i, x in Lambda.items():
         for link, wrench in wrenches_of_rows[i].items():
             by_rows[link] += x * wrench
     by_joints = [x - y for x, y in zip(needed, by_rows, strict=True)]
-    carried = e.kinematics.joint_wrenches(by_joints)  # sums over each link and all links behind it
-    wrenches = [carried[tree.link_of[j]] for j in range(1, mechanism.model.njoints)]
+    of_joints = e.kinematics.joint_wrenches(by_joints)
+    wrenches = [of_joints[tree.link_of[j]] for j in range(1, mechanism.model.njoints)]
 
     first_row = 0
     for closure in mechanism.closures:
@@ -218,7 +226,7 @@ def _wrenches(
             wrenches.append(column({acts_along(mechanism, closure): force}, range(6)))
         else:
             wrenches.append(_on_frame_b(e, closure, rows, wrenches_of_rows, Lambda))
-    return _Wrenches(values=ca.vertcat(*wrenches), ground=carried[0])
+    return _Wrenches(values=ca.vertcat(*wrenches), ground=of_joints[0])
 
 
 def _on_frame_b(
@@ -228,7 +236,7 @@ def _on_frame_b(
     wrenches_of_rows: Sequence[Mapping[int, SX]],
     Lambda: Sparse,
 ) -> SX:
-    """What a closure gives to the link of its frame B, at the origin and in the axes of B."""
+    """The wrench of a closure on the link of its frame B, about the origin and in the axes of B."""
     _, name = frames_of(closure)
     frame = frame_named(e.mechanism.model, name)
     link = e.kinematics.tree.link_of[frame.parentJoint]
