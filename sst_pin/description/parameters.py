@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Geometry, masses and friction of an SST; the defaults are the robot of the paper.
+"""`Parameters`: geometry, masses and friction of an SST; the defaults are the robot of the paper.
+
+`RigidBody` has the mass properties of one of its bodies. Both check their values.
 
 Frames are those of Sect. 4: {0k} fixed, {1k} on the actuator link, {2k} on the passive link of
 leg k, {E} on the star, all with their origin in the centre O of the sphere.
@@ -23,15 +25,15 @@ _SLACK = 1e-9
 #: Radii for which meshes can be written, [m].
 _SMALLEST_RADIUS = 1e-6
 _LARGEST_RADIUS = 1e6
-#: Three unit directions with a smaller triple product count as lying in one plane, as directions in
-#: a plane do that are written with six digits.
+#: Three unit directions count as lying in one plane if their triple product is smaller. Directions
+#: in a plane that are written with six digits have a triple product of this size.
 _SMALLEST_TRIPLE = 1e-6
-#: Where an inertia has its entries xx, yy, zz, xy, xz, yz.
+#: Rows and columns of the entries xx, yy, zz, xy, xz, yz of an inertia.
 ENTRIES = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
 
 def _frozen(value: ArrayLike, name: str) -> Array:
-    """A read-only copy as float64."""
+    """A read-only copy as float64; a ParametersError if it is not an array of numbers."""
     try:
         array = np.array(as_array(name, value, ()))
     except InputError as error:
@@ -50,7 +52,7 @@ def _number(value: float, name: str) -> float:
 
 
 class _Values(Summary):
-    """Equality, hash and text of a dataclass with arrays."""
+    """Base class: equality, hash and text of a dataclass whose fields may be arrays."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, type(self)) and self._values() == other._values()
@@ -121,21 +123,23 @@ class RigidBody(_Values):
             ParametersError: For a negative mass, or numbers that are not finite.
         """
         added = _number(mass, "mass")
-        place = _frozen(at, "at")
-        problems = _shape_problems("at", place, (3,))
+        position = _frozen(at, "at")
+        problems = _shape_problems("at", position, (3,))
         if not (np.isfinite(added) and added >= 0):
             problems.append(f"mass: {added:g} kg is negative or not finite")
         if problems:
             raise ParametersError(problems)
         total = self.mass + added
-        center = (self.mass * self.center_of_mass + added * place) / total
-        # Steiner's theorem for two bodies: one reduced mass, at their distance.
-        d = place - self.center_of_mass
-        shift = self.mass * added / total * (d @ d * np.eye(3) - np.outer(d, d))
-        return RigidBody(total, center, self.inertia + shift)
+        center = (self.mass * self.center_of_mass + added * position) / total
+        # Steiner's theorem for both masses, at their distances from the common mass centre. With
+        # the vector d between them, the sum is the term of the reduced mass m_1 m_2 / (m_1 + m_2)
+        # at the distance d.
+        d = position - self.center_of_mass
+        steiner = self.mass * added / total * (d @ d * np.eye(3) - np.outer(d, d))
+        return RigidBody(total, center, self.inertia + steiner)
 
     def problems(self, name: str) -> list[str]:
-        """Physically impossible properties, a sentence each, which begins with the body's name."""
+        """Why no body has these properties, one text for each problem; `name` begins each text."""
         problems = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
         if not (np.isfinite(self.mass) and self.mass > 0):
             problems.append(f"{name}.mass: {self.mass:g} kg is not positive")
@@ -185,7 +189,8 @@ class Parameters(_Values):
     """An SST: base triangle, arcs of the star, bodies, friction and gravity.
 
     Attributes:
-        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; they are normalized.
+        base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array. Arguments of other
+            lengths are normalised.
         arc_angles: alpha_k, from arc k-1 to arc k of the star (alpha_1: from arc 3), shape (3,),
             [rad]; the sum is 2 pi.
         link: Actuator link, in {1k}: one body for all legs, or one for each.
@@ -353,7 +358,7 @@ class Parameters(_Values):
 
 
 def _of_all_joints(value: ArrayLike, name: str) -> Array:
-    """A number for each of the nine joints; one number is used for all."""
+    """Numbers of the nine joints, shape (9,); a scalar is used for all nine."""
     array = _frozen(value, name)
     if array.ndim == 0:
         return _frozen(np.full(9, array), name)
@@ -361,18 +366,18 @@ def _of_all_joints(value: ArrayLike, name: str) -> Array:
 
 
 def _masses(bodies: Iterable[RigidBody]) -> str:
-    """The masses of bodies, equal ones once."""
+    """The masses of bodies as text; equal masses are written once."""
     masses = dict.fromkeys(f"{body.mass:g}" for body in bodies)
     return f"{', '.join(masses)} kg"
 
 
 def _numbers(values: Array) -> str:
-    """Numbers with four digits, in brackets."""
+    """Numbers as text, with four digits, in brackets."""
     return f"({', '.join(f'{value:.4g}' for value in values)})"
 
 
 def _range(values: Array) -> str:
-    """One number where all are the same."""
+    """The smallest and the largest number as text; one number if all are the same."""
     low = values.min()
     high = values.max()
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
