@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Bodies and joints of a robot in an MJCF.
 
-The bodies are those of the normal tree of the robot (`model.normal_tree`), which has the robot's
-motions and only joints that MuJoCo has, or almost: universal joints are hinges in series there.
+The bodies are those of the normal tree of the robot (`model.normal_tree`). It has the same motions
+as the robot. Universal joints, which MuJoCo does not have, are hinges in series there. In this
+module a body is named by the index of its joint in the normal tree; body 0 is the base.
 """
 
 from collections.abc import Collection, Sequence
@@ -37,9 +38,9 @@ class MjcfBodies:
 
     Attributes:
         joints: MuJoCo's joints, in its order.
-        of_joint: The element of the body of each joint of the normal tree, the base first.
-        base: The element in which the first bodies are: the base, or the world.
-        names: Names of the bodies, by the joint of the normal tree.
+        elements: The element of each body, the base first.
+        base: The element that contains the bodies on the base: that of the base, or the world.
+        names: Names of the bodies, by index.
         problems: What MJCF cannot express.
         notes: What is left out or written with other numbers.
     """
@@ -71,15 +72,16 @@ class MjcfBodies:
         self.joints = list[MjcfJoint]()
         self.names = _body_names(self._model)
 
-        # The base is the world, or a body of another name in it. Free bodies must be in the world.
-        # If there is one, the others are written there too, so that the order of the joints stays.
+        # The base is the world, or a body in it if the base has another name. MuJoCo allows free
+        # bodies in the world only. If there is one, all bodies on the base are written in the
+        # world, so that the order of the joints does not change.
         base = world
         if self.names[0] != "universe":
             base = SubElement(world, "body", name=self.names[0])
         on_base = self._model.children[0]
         has_free_body = any(_is_free(self._model.joints[joint]) for joint in on_base)
         self.base = world if has_free_body else base
-        self.of_joint = [base] * self._model.njoints  # the others are filled below
+        self.elements = [base] * self._model.njoints  # `_add_body` sets those after the base
         for joint in on_base:
             self._add_body(joint, self.base)
 
@@ -93,17 +95,17 @@ class MjcfBodies:
         start: pin.SE3 = _IDENTITY,
         joints_before: Sequence[MjcfJoint] = (),
     ) -> Element:
-        """Add the body of a joint of the normal tree, and all bodies after it; returns its element.
+        """Add a body, and all bodies after it; returns its element.
 
         In MuJoCo a body can have several joints. So an empty body between two joints is not
-        written; the next body has its joints too.
+        written: the next body gets the joints of both.
 
         Args:
-            index: The joint.
-            parent_body: The element of the last body before it that is written.
-            start: The placement of the last joint before it on this body.
-            joints_before: Joints of bodies between both that are not written, in the axes of the
-                last joint before.
+            index: Index of the body.
+            parent_body: The element of the nearest body before it that is written.
+            start: Placement, in `parent_body`, of the body directly before it. It is the identity
+                unless empty bodies are between `parent_body` and this body.
+            joints_before: Joints of these empty bodies, in the frame of the last of them.
         """
         on_parent = self._model.jointPlacements[index]
         joints = [joint.seen_from(on_parent) for joint in joints_before]
@@ -126,13 +128,13 @@ class MjcfBodies:
             self._put_weight_share(body, index)
             for child in self._model.children[index]:
                 self._add_body(child, body)
-        self.of_joint[index] = body
+        self.elements[index] = body
         return body
 
     def _is_empty(self, index: int) -> bool:
-        """Whether the body of a joint only carries one other joint.
+        """Whether a body does nothing but carry one other joint.
 
-        Example: the body between the axes of a universal joint.
+        Example: the body between the two axes of a universal joint.
         """
         model = self._model
         frames = [frame for frame in model.frames if frame.parentJoint == index]
@@ -160,12 +162,12 @@ class MjcfBodies:
 
     def _note_velocity_limits(self) -> None:
         """Note the joints whose largest velocities are left out."""
-        fast = list[str]()
+        limited = list[str]()
         for joint in self.joints:
             if not joint.mimics and has_velocity_limit(self._mechanism, joint):
-                fast.append(joint.name)
-        if fast:
-            text = f"largest velocities of the joints {listed(fast)} are left out"
+                limited.append(joint.name)
+        if limited:
+            text = f"largest velocities of the joints {listed(limited)} are left out"
             self.notes.append(f"{text}: MuJoCo has none")
 
     def _add_inertia(self, body: Element, index: int) -> None:
@@ -191,12 +193,18 @@ class MjcfBodies:
         SubElement(body, "inertial", pose | attributes)
 
     def _put_weight_share(self, body: Element, index: int) -> None:
-        """Write the share of the weight that does not act on a body, as `gravcomp`.
+        """Write the share s of the weight that acts on a body, with its offset d, as `gravcomp`.
 
-        MuJoCo compensates weight at the mass centre c, and ignores negative numbers unless another
-        body has a positive one. So a share s above 1, or with an offset d, is written thus: with
-        x = max(1, s), a body of almost no mass has the weight x m g at c + d / x, and the share
-        x + 1 - s of m g is compensated. Together these are the weight s m g and the moment m d.
+        `weight_shares` explains s and d: the weight is s m g, and its first moment about the mass
+        centre c is m d. `gravcomp` is the share of the weight m g that MuJoCo compensates by an
+        upward force at c: it is 1 - s if d = 0.
+
+        A share above 1 would need a negative `gravcomp`, which MuJoCo ignores unless another body
+        has a positive one, and an offset has no attribute. In both cases a second body is fixed to
+        the first one. It has almost no mass, but a negative `gravcomp` that gives it the weight
+        x m g, with x = max(1, s), at c + d / x. The `gravcomp` of the first body is then x + 1 - s.
+        The sum of both weights is (1 - (x + 1 - s)) m g + x m g = s m g, and the first moment about
+        c is x m d / x = m d.
         """
         weight_shares = self._mechanism.weight_shares
         if weight_shares is None or index not in self._tree.bodies:
@@ -219,23 +227,24 @@ class MjcfBodies:
 
 
 def _body_names(model: pin.Model) -> dict[int, str]:
-    """Name of the body of each joint: the name of a link at the joint's origin, else of the joint.
+    """Name of each body, by its index.
 
-    When the file is read again, the name of a body or a site is the name of a frame there. So a
-    link or a point that is not at the origin of the body of its name needs a site, which gets the
-    name (`add_sites`). The name of the body is then `NAME_joint`.
+    It is the name of a link at the origin of the body; without such a link, it is the name of the
+    joint. But another frame may have this name: a link or a point that is not at the origin of this
+    body. `add_sites` writes that frame as a site of its name, so that the name means the same frame
+    when the file is read again. The body is then called `NAME_joint`.
     """
     names = dict(enumerate(model.names))
-    for frame in list(model.frames)[::-1]:  # so that the first link counts
+    # Backwards, so that the first one of several links gives the name.
+    for frame in list(model.frames)[::-1]:
         if frame.type != LINK or frame.name in ("universe", "world"):
             continue
         if frame.placement.isIdentity():
             names[frame.parentJoint] = frame.name
 
-    # Frames at the origin of a body, by name and joint, and names that frames other than those of
-    # joints have.
-    at_origin = {(f.name, f.parentJoint) for f in model.frames if _is_at_joint(f)}
+    # Names of links and points, and those that are at the origin of a body, with its index.
     names_of_frames = {f.name for f in model.frames if f.type in (*POINTS, LINK)}
+    at_origin = {(f.name, f.parentJoint) for f in model.frames if _is_at_joint(f)}
     for joint, name in names.items():
         if name in names_of_frames and (name, joint) not in at_origin:
             names[joint] = f"{name}_joint"
@@ -248,5 +257,5 @@ def _is_free(joint: Any) -> bool:
 
 
 def _is_at_joint(frame: pin.Frame) -> bool:
-    """Whether a frame other than that of a joint is at its joint."""
+    """Whether a frame, other than the frame of a joint, is at the origin of its body."""
     return frame.type != pin.FrameType.JOINT and bool(frame.placement.isIdentity())

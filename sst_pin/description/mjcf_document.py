@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""An MJCF under construction: its constructor writes the tree, other modules add to it."""
+"""`MjcfDocument`: an MJCF under construction.
+
+Its constructor writes the bodies and joints (`mjcf_bodies`). Its methods add shapes, sites, tendons
+and keyframes; `mjcf_forces` and `mjcf_equalities` use them for forces and closures.
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Mapping
@@ -46,8 +50,8 @@ class MjcfDocument:
         root: The root of the file.
         model: The normal tree of the robot.
         joints: MuJoCo's joints, in its order.
-        bodies: The element of the body of each joint of the robot's own model, the base first.
-        base: The element of what stands still: the base, or the world.
+        bodies: The element of each body of the robot's own model, the base first.
+        base: The element for what is fixed to the base: that of the base, or the world.
         notes: What is left out or written with other numbers.
         problems: What MJCF cannot express.
     """
@@ -66,21 +70,25 @@ class MjcfDocument:
         bodies = MjcfBodies(mechanism, tree, world, self._end_frames, with_numbers)
         self.joints = bodies.joints
         self.base = bodies.base
-        self.bodies = [bodies.of_joint[joint] for joint in tree.bodies]
-        self._body_of = bodies.of_joint
+        self.bodies = [bodies.elements[joint] for joint in tree.bodies]
+        self._bodies_of_tree = bodies.elements  # by the index of the joint in the normal tree
         self._body_names = set(bodies.names.values())
         self.notes = bodies.notes
         self.problems = bodies.problems
 
     def text(self) -> str:
-        """The file; an error if MJCF cannot express a part of the robot."""
+        """The file as text.
+
+        Raises:
+            DescriptionError: If MJCF cannot express a part of the robot.
+        """
         if self.problems:
             raise DescriptionError(f"model {self._name}", self.problems)
         ET.indent(self.root)
         return ET.tostring(self.root, encoding="unicode") + "\n"
 
     def qpos(self, q: Array) -> Array:
-        """MuJoCo's coordinates for a configuration."""
+        """MuJoCo's coordinates for a configuration, shape (nq,)."""
         return np.concatenate([joint.qpos(q) for joint in self.joints])
 
     def by_rate(self) -> dict[int, str]:
@@ -103,12 +111,12 @@ class MjcfDocument:
         for name, q in configurations.items():
             SubElement(self.section("keyframe"), "key", name=name, qpos=numbers(self.qpos(q)))
 
-    def add_shapes(self, shapes: pin.GeometryModel, **how: str) -> None:
-        """Add shapes with these attributes, by default visual ones without mass and contacts."""
+    def add_shapes(self, shapes: pin.GeometryModel, **attributes_of_all: str) -> None:
+        """Add shapes, each with these attributes; by default they have no mass and no contacts."""
         for k, shape in enumerate(shapes.geometryObjects):
             geometry = shape.geometry
-            look = how or {**_VISUAL, "rgba": rounded(shape.meshColor)}
-            attributes = look | pose_attributes(shape.placement, rounded)
+            common = attributes_of_all or {**_VISUAL, "rgba": rounded(shape.meshColor)}
+            attributes = common | pose_attributes(shape.placement, rounded)
             if type(geometry) in _SHAPES:
                 kind, size = _SHAPES[type(geometry)]
                 attributes |= {"type": kind, "size": rounded(list(size(geometry)))}
@@ -135,12 +143,16 @@ class MjcfDocument:
         )
 
     def add_sites(self) -> None:
-        """Add sites at frames other than joints and bodies, and at ends of closures and lines."""
+        """Add sites at the ends of closures, lines and ropes, and at other points and links.
+
+        A link or a point needs no site if a body or another site has its name.
+        """
         sites = set[str]()
         for i, frame in enumerate(self.model.frames):
             name = frame.name
             is_world = frame.parentJoint == 0 and frame.placement.isIdentity()
             is_point = frame.type in POINTS or (frame.type == LINK and not is_world)
+            # Several frames may have one name; the name of an end means the frame of `frame_id`.
             is_end = name in self._end_frames and frame_id(self.model, name) == i
             if is_end or (is_point and name not in self._body_names and name not in sites):
                 self.add_site(name, frame.parentJoint, frame.placement)
@@ -148,11 +160,13 @@ class MjcfDocument:
 
     def add_site(self, name: str, joint: int, at: pin.SE3) -> None:
         """Add a site on the body of a joint of the normal tree."""
-        SubElement(self._body_of[joint], "site", {"name": site_name(name)} | pose_attributes(at))
+        SubElement(
+            self._bodies_of_tree[joint], "site", {"name": site_name(name)} | pose_attributes(at)
+        )
 
     def add_geom(self, joint: int, attributes: dict[str, str]) -> None:
         """Add a geom to the body of a joint of the normal tree."""
-        SubElement(self._body_of[joint], "geom", attributes)
+        SubElement(self._bodies_of_tree[joint], "geom", attributes)
 
     def add_line_tendon(self, attributes: dict[str, str], frame_a: str, frame_b: str) -> None:
         """Add a tendon along the line between two frames."""
@@ -181,5 +195,5 @@ def _end_frames(mechanism: Mechanism) -> set[str]:
 
 
 def site_name(frame: str) -> str:
-    """The name of the site at a frame; `from_mjcf` refuses a site with the name of the base."""
+    """The name of the site at a frame: the same name, but `from_mjcf` refuses "universe"."""
     return "universe_site" if frame == "universe" else frame
