@@ -14,9 +14,9 @@ from ..model.tree import frame_id, frame_named
 from .mjcf_document import MjcfDocument, site_name
 from .urdf_writer import numbers
 
-#: Degree of MuJoCo's polynomials of joints.
+#: Largest degree of MuJoCo's polynomials of joints and tendons.
 _MAX_DEGREE = 4
-#: Components that a weld and a ball hold.
+#: Components that a weld and a ball hold: [linear; angular], True where it holds.
 _FIXED = Closure.KINDS["6d"]
 _BALL = Closure.KINDS["3d"]
 
@@ -33,7 +33,7 @@ class MjcfEqualities:
         self._home = home
 
     def add(self, number: int, closure: Constraint) -> None:
-        """Add a closure, or a problem if MuJoCo has none of its kind; `number` is its index."""
+        """Add a closure, or a problem if MuJoCo has no such closure; `number` is its index."""
         if isinstance(closure, Coupling):
             self._add_coupling(closure)
         elif isinstance(closure, Rolling):
@@ -57,10 +57,16 @@ class MjcfEqualities:
         self._document.problems.append(problem)
 
     def _add_polynomial(self, kind: str, names: Sequence[str], powers: Sequence[float]) -> None:
-        """Add: first = P(second), or first = P(0), for joints or tendons.
+        """Add an equality of joints or tendons with a polynomial P.
 
-        MuJoCo counts all positions from its reference configuration, here q = 0. `powers` are the
-        coefficients of P, the constant first.
+        For two names it is first = P(second); for one name it is first = P(0), a constant. The
+        values are changes of positions or lengths since MuJoCo's reference configuration, which is
+        q = 0.
+
+        Args:
+            kind: "joint" or "tendon".
+            names: Names of one or two joints or tendons.
+            powers: Coefficients of P, the constant first.
         """
         padded = np.zeros(_MAX_DEGREE + 1)
         padded[: len(powers)] = powers
@@ -69,7 +75,7 @@ class MjcfEqualities:
         SubElement(equalities, kind, ends, polycoef=numbers(padded))
 
     def _add_closure(self, number: int, closure: Closure) -> None:
-        """Add a weld, a ball, or a hinge as two points that are connected."""
+        """Add a weld or a ball; or a hinge, as a ball and a second ball on its axis."""
         held = closure.held
         kind = "weld" if held == _FIXED else "connect"
         self._connect(number, kind, closure.frame_a, closure.frame_b)
@@ -88,16 +94,16 @@ class MjcfEqualities:
         equalities = self._document.section("equality")
         names = {equality.get("name") for equality in equalities}
         name = f"{frame_a}-{frame_b}"
-        while name in names:  # of another closure between these frames
+        while name in names:  # another closure between these frames has the name
             name = f"{name}_{number}"
         attributes = {"name": name, "site1": site_name(frame_a), "site2": site_name(frame_b)}
         SubElement(equalities, kind, attributes)
 
     def _add_site_on_axis(self, number: int, frame_name: str, axis: int) -> str:
-        """Add a site on an axis of a frame of a closure; returns its name.
+        """Add a site on an axis of a frame of a closure, number 0, 1 or 2; returns its name.
 
-        It is the robot's length away from the origin, so that both points together hold the axis
-        as well as they hold the origin.
+        Its distance from the origin is the robot's length, so that both points together hold the
+        direction of the axis as accurately as the position of the origin.
         """
         offset = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
         frame = frame_named(self._document.model, frame_name)
@@ -145,26 +151,30 @@ class MjcfEqualities:
         return float(np.linalg.norm(b - a))
 
     def _add_coupling(self, coupling: Coupling) -> None:
-        """Add a coupling: follower = offset + sum of p_j(q_j).
+        """Add a coupling: follower = offset + sum of p_j(q_j), with polynomials p_j.
 
-        MuJoCo has a polynomial of one joint only, the argument. So at most one p_j may be
-        nonlinear, and the slopes of the linear others go to the left side:
+        An equality of MuJoCo has a polynomial of one joint or tendon, the argument. So at most one
+        p_j may be nonlinear. Its joint is the argument, and the other joints, whose polynomials are
+        linear, go to the left side:
 
             follower - sum of slope_j q_j over the others = polynomial of the argument.
 
-        A left side with several joints is a tendon.
+        If the left side has several joints, both sides become tendons, because an equality of
+        joints has one joint on the left.
         """
+        # Coefficients of each p_j, the constant first, without zeros at the end.
         polynomials = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
         nonlinear = [name for name, powers in polynomials.items() if len(powers) > 2]
         degree = max((len(powers) for powers in polynomials.values()), default=0) - 1
-        known = {joint.name for joint in self._document.joints}
-        if len(nonlinear) > 1 or degree > _MAX_DEGREE or not known >= {*polynomials}:
+        names_of_joints = {joint.name for joint in self._document.joints}
+        has_all_joints = names_of_joints >= set(polynomials)
+        if len(nonlinear) > 1 or degree > _MAX_DEGREE or not has_all_joints:
             text = "MuJoCo has polynomials of one joint, up to the fourth power"
             self._refuse(f"coupling {coupling}: {text}")
             return
 
-        # The argument: the joint that is not linear, or the first if all are; none if the follower
-        # is constant.
+        # The argument: the joint with the nonlinear polynomial, or the first one if all are linear.
+        # There is none if the follower is constant.
         arguments = nonlinear or list(polynomials)[:1]
         left_side = {coupling.joint: 1.0}
         right_side = np.zeros(_MAX_DEGREE + 1)  # coefficients, the constant first
