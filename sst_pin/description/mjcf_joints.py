@@ -17,8 +17,8 @@ from ..model.normal_tree import NormalTree
 
 #: Kinds of joints of several rates.
 _KINDS_OF_SEVERAL_RATES = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-#: Largest relative size of the off-diagonal entries of an inertia that counts as diagonal: some
-#: roundings of its largest moment. Moments that are equal would else get any axes.
+#: An inertia counts as diagonal if its off-diagonal entries are at most this part of its largest
+#: moment, which is rounding. Without this limit, rounding would choose the axes of equal moments.
 _ROUNDING = 1e-15
 
 
@@ -28,15 +28,16 @@ class MjcfJoint(NamedTuple):
     name: str
     #: "hinge", "slide", "ball" or "free".
     kind: str
-    #: A hinge rotates about `axis` through `point`, a slide translates along `axis`. Both are in
-    #: the frame of the joint, or, after `seen_from`, in that of a later joint at q = 0.
+    #: A hinge rotates about `axis` through `point`, a slide translates along `axis`. Both arrays
+    #: have the shape (3,) and are in the frame of the joint, or, after `seen_from`, in the frame of
+    #: a later joint at q = 0.
     axis: Array
     point: Array
-    #: Placement of the joint on its parent. The pose in q of a free joint is relative to it, that
-    #: in MuJoCo's coordinates is relative to the world.
+    #: Placement of the joint on its parent. The pose of a free joint in q is relative to this
+    #: placement; its pose in MuJoCo's coordinates is relative to the world.
     at: pin.SE3
-    #: MuJoCo's coordinates are factor * q[entries] + offset, its rates factor * v[rates]. The
-    #: factor is 1 unless the joint is a hinge or a slide that mimics another.
+    #: With q and v of the robot's own tree, MuJoCo's coordinates are factor * q[entries] + offset,
+    #: and its rates are factor * v[rates]. The factor is 1 except for a mimic joint.
     entries: Indices
     rates: Indices
     factor: float
@@ -123,10 +124,11 @@ def _common(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
     """What MuJoCo's joints for a joint have in common; `joints_of` replaces kind and axis."""
     joint = tree.model.joints[index]
     rows = tree.S[joint.idx_v : joint.idx_v + joint.nv]
-    rates = np.abs(rows).argmax(axis=1)
-    # A mimic joint has no rates in the original tree.
+    rates = np.abs(rows).argmax(axis=1)  # the column of the entry of each row that is not zero
+    # A mimic joint has no rates in the original tree. `tree.bodies` has the joint of each original
+    # body; it leaves out joints in series before it, which are no mimic joints.
     is_mimic = False
-    if index in tree.bodies:  # not for a part of a joint that becomes several in series
+    if index in tree.bodies:
         is_mimic = not original.joints[tree.bodies.index(index)].nv
     return MjcfJoint(
         name=tree.model.names[index],
@@ -145,8 +147,8 @@ def _common(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
 def _twist(model: pin.Model, joint: Any) -> Array:
     """The first column of the motion subspace of a joint, shape (6,): [linear; angular]."""
     data = joint.createData()
-    # The column is the same at all configurations. With the 1, that of a continuous joint is valid:
-    # it consists of a cosine and a sine.
+    # The column is the same at all configurations of the normal tree's joints. The entry 1 makes
+    # the configuration of a continuous joint valid: cosine 1 and sine 0.
     q = np.zeros(model.nq)
     q[joint.idx_q] = 1.0
     joint.calc(data, q)
@@ -164,15 +166,20 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     off_diagonal = inertia - np.diag(np.diag(inertia))
     if np.abs(off_diagonal).max() <= _ROUNDING * np.abs(moments).max():
         return np.diag(inertia).copy(), np.eye(3)
-    # First the order of the axes, for which the sum of |R_ii| is largest; then their signs, so that
-    # this sum is the trace. The result is a rotation, because a reflection has a trace of at most 1
-    # and the trace is larger:
-    # - For a random order, the mean of the sum of R_ii^2 is 1, because the squares in each row of R
-    #   have the sum 1. So some order has a sum of squares of at least 1.
-    # - |R_ii| >= R_ii^2, so that the sum of |R_ii| is at least 1. If it were 1 for the best order,
-    #   all entries would be 0 or +-1, and the best order would have the sum 3.
-    # No R_ii is 0, so that each has a sign: with R_33 = 0, an exchange of axis 3 with one of the
-    # others would make the sum larger.
+    # The rotation nearest to the identity has the largest trace. First the order of the axes is
+    # chosen, so that the sum of |R_ii| is largest. Then the signs are chosen, so that all R_ii are
+    # positive and this sum is the trace.
+    #
+    # The result is a rotation and not a reflection, because a reflection has a trace of at most 1,
+    # and this trace is larger than 1:
+    # - The squares in each row of R have the sum 1. So the mean over all orders of the sum of
+    # R_ii^2
+    #   is 1, and the best order has a sum of at least 1.
+    # - |R_ii| >= R_ii^2, so the sum of |R_ii| is at least 1 too. It is 1 only if all entries are 0
+    #   or +-1, but then the best order has the sum 3.
+    #
+    # No R_ii is 0, so each has a sign: if R_33 were 0, an exchange of axis 3 with another axis
+    # would make the sum larger.
     _, order = linear_sum_assignment(-np.abs(R))
     R = R[:, order] * np.sign(np.diag(R[:, order]))
     return moments[order], R
