@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Attributes of the joints of an MJCF: friction, rotors, springs and limits.
 
-MuJoCo has one number for all rates of a joint, where a robot has one for each rate.
+A joint of MuJoCo has one number for all its rates, for instance one damping; here each rate of a
+joint has its own number. So different numbers of one joint cannot be written.
 """
 
 from collections.abc import Iterator
@@ -26,8 +27,8 @@ _REST_ROUNDING = 1e-12
 def joint_attributes(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
     """Friction, rotor, spring and limits of a joint that is no mimic joint."""
     attributes = dict[str, str]()
-    for name, of_rates in _numbers_by_name(mechanism).items():
-        values = of_rates[joint.rates]
+    for name, numbers_of_rates in _numbers_by_name(mechanism).items():
+        values = numbers_of_rates[joint.rates]
         if values.any():
             attributes[name] = numbers(values[:1])
     if joint.kind in SINGLE:
@@ -39,8 +40,8 @@ def joint_attributes(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
 
 def joint_problems(mechanism: Mechanism, joint: MjcfJoint) -> Iterator[str]:
     """Numbers of a joint that MJCF cannot express."""
-    for name, of_rates in _numbers_by_name(mechanism).items():
-        values = of_rates[joint.rates]
+    for name, numbers_of_rates in _numbers_by_name(mechanism).items():
+        values = numbers_of_rates[joint.rates]
         # `from_mjcf` reads only the damping of a free joint.
         is_refused_for_free = joint.kind == "free" and name != "damping" and values.any()
         if np.ptp(values) or is_refused_for_free:
@@ -48,7 +49,7 @@ def joint_problems(mechanism: Mechanism, joint: MjcfJoint) -> Iterator[str]:
     has_spring = mechanism.springs.stiffness[joint.rates].any()
     if joint.kind == "ball" and has_spring:
         at_rest = joint.qpos(mechanism.springs.reference)  # w, x, y, z
-        # [-1, 0, 0, 0] is the orientation zero too.
+        # Both quaternions [1, 0, 0, 0] and [-1, 0, 0, 0] are the orientation zero.
         if np.abs(at_rest[1:]).max() > _REST_ROUNDING:
             yield f"joint {joint.name}: a spring of a ball can be relaxed at zero only"
 
@@ -89,7 +90,8 @@ def _limits(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
 def _shared_effort(mechanism: Mechanism, rate: int) -> float:
     """The limit of the force on a rate, if a motor acts on this rate and on others; else 0.
 
-    It is 0 for an unlimited force too. A motor of one rate has the limit itself, as `ctrlrange`.
+    It is 0 for an unlimited force too. If a motor acts on one rate only, the limit is written with
+    the motor, as its `ctrlrange`.
     """
     motors = mechanism.actuation  # shape (nv, motors)
     acts_on_several = (motors != 0).sum(axis=0) > 1
