@@ -26,7 +26,8 @@ def _add_line(document: MjcfDocument, line: LineForce) -> None:
     attributes = {"name": line.name}
     rest_length = 0.0
     if line.stiffness:
-        # The preload of a spring shifts its rest length.
+        # The force stiffness * (length - rest length) + preload is that of a spring with another
+        # rest length.
         rest_length = line.rest_length - line.preload / line.stiffness
         attributes["stiffness"] = numbers([line.stiffness])
         attributes["springlength"] = numbers([rest_length])
@@ -34,6 +35,7 @@ def _add_line(document: MjcfDocument, line: LineForce) -> None:
         text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
         document.problems.append(f"line {line}: {text}")
     if line.pulls_only:
+        # A tendon's spring has no force while its length is between these two lengths.
         attributes["springlength"] = numbers([0, rest_length])
         if line.damping or not line.stiffness:
             text = "of the cables of MuJoCo only the springs are slack; its damper is not"
@@ -55,7 +57,10 @@ def _add_line(document: MjcfDocument, line: LineForce) -> None:
 
 
 def _joins_branches(model: pin.Model, line: LineForce) -> bool:
-    """Whether both ends move relative to the last body that carries both."""
+    """Whether both ends of a line move relative to the last body that carries both.
+
+    Example: a line between two legs.
+    """
     frame_a = frame_named(model, line.frame_a)
     frame_b = frame_named(model, line.frame_b)
     supports_a = set(model.supports[frame_a.parentJoint])
