@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parts that an SST could be built of, as solids and as triangle meshes (trimesh).
 
-The paper fixes axes and two radii; the rest is chosen so that the bodies turn in shells about O and
-keep clear of each other: base frame and links inside, carriages on them, the star outside.
+The paper gives the axes and two radii. All other sizes are chosen so that the bodies do not touch
+one another when they turn about O: the base frame and the links are inside, the star is outside,
+and the passive links, as carriages on the links, hold the star's arcs. The signs of `_gap` and
+`_outside` adapt the parts to robots whose star is inside the base or whose triangle is left-handed.
 """
 
 from collections.abc import Iterator
@@ -17,16 +19,18 @@ from .parameters import Parameters
 from .solids import Arc, Ball, Box, Cylinder, Solid, bar, lofted, rod
 
 # Sizes in metres for the paper's radii, 0.35 and 0.40 m. `parts_of` scales them.
-_TUBE = 0.006  # radius of the base frame
-_BALL = 0.044
-_MOTOR = 0.032  # radius
-_HUB = 0.125  # of an actuator link, from O along the axis of its motor
-_WIDTH = 0.024  # of the link's arm
-_RAIL = (0.020, 0.024)  # section of the star's arcs: with the hub the paper's 2.6 kg in aluminium
-_ROLLER = 0.007  # radius
+_TUBE = 0.006  # radius of the tubes of the base frame
+_BALL = 0.044  # radius of the ball at O
+_MOTOR = 0.032  # radius of a motor
+_HUB = 0.125  # distance from O to the hub of an actuator link, along the axis of its motor
+_WIDTH = 0.024  # width of the link's arm
+# Radial and axial size of the star's arcs. With these, arcs and hub of aluminium have the paper's
+# 2.6 kg.
+_RAIL = (0.020, 0.024)
+_ROLLER = 0.007  # radius of a roller of a carriage
 _PAPER_BASE_RADIUS = 0.35
 _PAPER_GAP = 0.05
-#: Smallest distance of the two spheres, relative to the radius of the base.
+#: Smallest distance between the two spheres, relative to the radius of the base.
 _LEAST_GAP = 0.01
 #: Options of trimesh's export, by format.
 _EXPORT: dict[str, dict[str, Any]] = {
@@ -36,11 +40,12 @@ _EXPORT: dict[str, dict[str, Any]] = {
 
 
 def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
-    """Solids of each mesh, by its name; the legs share theirs.
+    """Solids of each mesh, by its name. All legs have the same meshes.
 
     `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, the others in {3k}.
     """
-    # Sizes are proportional to the base, but a carriage must fit between the spheres.
+    # Sizes are proportional to the base radius, or smaller, so that a carriage fits between the
+    # sphere of the base and the sphere of the star.
     scale = min(p.base_radius / _PAPER_BASE_RADIUS, abs(_gap(p)) / _PAPER_GAP)
     return {
         "base": tuple(_base(p, scale)),
@@ -53,7 +58,7 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
 
 
 def meshes_of(p: Parameters) -> dict[str, Any]:
-    """Meshes of an SST, `trimesh.Trimesh` by its file's stem, in metres and axes of `parts_of`."""
+    """Meshes of an SST, each a `trimesh.Trimesh` in [m], by the names of `parts_of`."""
     try:
         import trimesh
     except ImportError:
@@ -67,7 +72,7 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
 
 
 def mesh_writers(p: Parameters) -> dict[str, Writer]:
-    """Writers of the meshes as STL and OBJ, by the file's name from the URDF on."""
+    """Writers of the meshes as STL and OBJ, by file name relative to the URDF."""
 
     def write(mesh: Any, kind: str, file: BinaryIO) -> None:
         content = mesh.export(file_type=kind, **_EXPORT[kind])
@@ -81,9 +86,9 @@ def mesh_writers(p: Parameters) -> dict[str, Writer]:
 
 
 def _gap(p: Parameters) -> float:
-    """Distance from the sphere of the base to the sphere of the star.
+    """Distance from the sphere of the base to the sphere of the star, [m].
 
-    It is negative if the star is inside, and never zero, as sizes are scaled by it.
+    It is negative if the star is inside. It is never zero, because sizes are proportional to it.
     """
     gap = p.star_radius - p.base_radius
     return float(np.copysign(max(abs(gap), _LEAST_GAP * p.base_radius), gap))
@@ -108,8 +113,9 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
         axes = np.stack([v, np.cross(e, v), e], axis=-1)
         side = float(np.arctan2(np.linalg.norm(np.cross(v, v_next)), v @ v_next))
         yield Arc(axes, p.base_radius, side, (2 * tube, 2 * tube), round=True)
-    # A stand: away from the triangle, where the arcs of the star do not come, until it is outside
-    # their sphere; then along the axis of motor 1, which is the paper's vertical.
+    # The stand. A post goes from O away from the triangle, where the arcs of the star do not come,
+    # to an elbow outside the sphere of the star. From there it goes to the foot, along the axis of
+    # motor 1, which is vertical in the paper.
     away = -p.base_directions.sum(axis=0)
     elbow = 1.17 * max(p.base_radius, p.star_radius) * away / np.linalg.norm(away)
     down = _outside(p) * p.actuated_axes[0]
@@ -126,6 +132,7 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
 def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
     """Motors on the ball at O, their shafts along e_k."""
     for axis in _outside(p) * p.actuated_axes:
+        # Housing, two flanges and shaft.
         for start, end, radius in (
             (0.034, 0.085, _MOTOR),
             (0.085, 0.089, 0.8 * _MOTOR),
@@ -154,42 +161,51 @@ def _link(p: Parameters, scale: float) -> Iterator[Solid]:
 
 
 def _head(p: Parameters, scale: float) -> tuple[float, float]:
-    """Ends of the bearing of mu_k on x of {1k}: clear of the base frame, towards the star."""
-    out = np.sign(_gap(p)) * scale
-    return p.base_radius + 0.015 * out, p.base_radius + 0.028 * out
+    """The head of a link, which is the bearing of mu_k: its inner and outer end on x of {1k}, [m].
+
+    It lies between the base frame and the star.
+    """
+    towards_star = np.sign(_gap(p)) * scale
+    return p.base_radius + 0.015 * towards_star, p.base_radius + 0.028 * towards_star
 
 
 def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
-    """A carriage that turns on the link and holds an arc of the star between four rollers."""
+    """A carriage that turns on the link and holds an arc of the star between four rollers.
+
+    A pin in the link's head carries a plate, between the link and the arc. On each side of the arc
+    two rollers stand on the plate, and a strip joins their other ends. The arc goes along y of
+    {2k}.
+    """
     x, _, _ = np.eye(3)
     gap = _gap(p)
-    towards = np.sign(gap) * x
-    star = (p.base_radius + gap) * x
+    towards_star = np.sign(gap) * x
+    star = (p.base_radius + gap) * x  # the middle of the arc
     depth = _RAIL[0] * scale
     width = _RAIL[1] * scale
-    plate = 0.005 * scale
-    slack = 0.002 * scale
-    strip = 0.004 * scale
+    length = 0.05 * scale  # of the carriage along the arc
+    plate = 0.005 * scale  # thickness
+    strip = 0.004 * scale  # thickness
+    slack = 0.002 * scale  # between the arc and the plate or a strip
     radius = _ROLLER * scale
-    length = 0.05 * scale
-    across = width / 2 + radius + 0.1 * slack
-    near = star - (depth / 2 + slack) * towards
-    far = star + (depth / 2 + slack) * towards
-    yield rod(_head(p, scale)[1] * x, near - plate * towards, 0.3 * _WIDTH * scale)
-    size = np.array((plate, length, 2 * (across + radius)))
-    yield Box(near - plate / 2 * towards, np.eye(3), size)
+    roller_z = width / 2 + radius + 0.1 * slack
+    near = star - (depth / 2 + slack) * towards_star  # the ends of the rollers on the plate
+    far = star + (depth / 2 + slack) * towards_star  # their ends at the strips
+    _, head_end = _head(p, scale)
+    yield rod(head_end * x, near - plate * towards_star, 0.3 * _WIDTH * scale)
+    size = np.array((plate, length, 2 * (roller_z + radius)))
+    yield Box(near - plate / 2 * towards_star, np.eye(3), size)
     for side in (-1, 1):
         for along in (-0.32, 0.32):
-            foot = np.array((0, along * length, side * across))
-            yield rod(near + foot, far + foot, radius)
-        middle = np.array((0, 0, side * (across - slack / 2))) + far + strip / 2 * towards
+            offset = np.array((0, along * length, side * roller_z))
+            yield rod(near + offset, far + offset, radius)
+        middle = np.array((0, 0, side * (roller_z - slack / 2))) + far + strip / 2 * towards_star
         yield Box(middle, np.eye(3), np.array((strip, length, 2 * radius)))
 
 
 def _star_arc(p: Parameters, scale: float) -> Iterator[Solid]:
     """A quarter circle from E over R_k, and a stop at its end."""
     x = np.eye(3)[0]
-    y, z = _outside(p) * np.eye(3)[1:]  # where R_k lies: at negative y when v is right-handed
+    y, z = _outside(p) * np.eye(3)[1:]  # R_k is at negative y if v_1, v_2, v_3 are right-handed
     depth = _RAIL[0] * scale
     width = _RAIL[1] * scale
     yield Arc(np.stack([x, y, z], axis=-1), p.star_radius, np.pi / 2, (depth, width))
@@ -198,8 +214,9 @@ def _star_arc(p: Parameters, scale: float) -> Iterator[Solid]:
 
 
 def _tool(p: Parameters, scale: float) -> Iterator[Solid]:
-    """The hub in which the arcs meet, and a tip along s."""
+    """The hub in which the arcs meet, and a tip along s, which is x of {3k}."""
     x = np.eye(3)[0]
+    # Ends relative to the point E, and radii there: hub, collar, shaft and tip.
     for low, high, radius, end_radius in (
         (-0.013, 0.013, 0.028, 0.028),
         (0.013, 0.022, 0.016, 0.016),
