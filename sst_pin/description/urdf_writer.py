@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The tree as URDF, and its cuts as YAML."""
+"""The tree of an SST as URDF, and the closures of its loops as YAML.
+
+The star is cut into three arcs, so that the robot becomes a tree; the closures join them again.
+"""
 
 import itertools
 import xml.etree.ElementTree as ET
@@ -16,8 +19,8 @@ from .parameters import Parameters, RigidBody
 from .parts import parts_of
 from .solids import Arc, Ball, Box, Primitive, Solid, axes_along
 
-#: Limits of the joints. The paper has none, but only a joint with limits has one coordinate in
-#: Pinocchio; a continuous joint has two.
+#: Limits of the joints. The paper has none. But Pinocchio has two coordinates for a joint without
+#: limits, and one for a joint with limits.
 _TURN = {"lower": repr(-2 * np.pi), "upper": repr(2 * np.pi)}
 
 _HEADER = """
@@ -34,7 +37,7 @@ _I = np.eye(3)
 
 
 def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
-    """XML of an SST's tree; without shapes it has only what the dynamics need."""
+    """XML of an SST's tree. Without `shapes` it has no meshes and no collision geometry."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
     # MuJoCo reads this block; other tools ignore it.
@@ -110,8 +113,9 @@ def rounded(values: ArrayLike) -> str:
 def _rpy(R: Array) -> Array:
     """Roll, pitch and yaw of a URDF: R = R_z(yaw) R_y(pitch) R_x(roll), shape (3,).
 
-    Also exact at a pitch of 90 degrees, as for {03} of the paper: the roll is computed with the yaw
-    that was chosen, not from entries that vanish there.
+    They are exact at a pitch of 90 degrees too, for instance for {03} of the paper. There
+    R[0, 0] and R[1, 0] vanish, and the yaw is arbitrary. So the roll is computed with this yaw:
+    R_z(yaw)^T R = R_y(pitch) R_x(roll) has the second row [0, cos(roll), -sin(roll)].
     """
     yaw = np.arctan2(R[1, 0], R[0, 0])
     c = np.cos(yaw)
