@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The folder of a description: where the shipped one is, and how all its files are written.
 
-Beside URDF and MJCF it has a YAML with closures and motors, and an SRDF with poses and pairs of
+The folder has a URDF, a YAML with closures and motors, an MJCF, and an SRDF with poses and pairs of
 links that are not checked for collision.
 """
 
@@ -42,7 +42,8 @@ MJCF_PATH = str(_SHIPPED / "sst.xml")
 
 #: Files that no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
-#: The README with a row for each parameter: $name is its value; grade and source are the paper's.
+#: Template of the README. It has a table with a row for each parameter: "$name | grade | source".
+#: The value replaces $name; grade and source are those of the paper's value.
 _README = Path(__file__).with_name("readme.md")
 _ONLY_PAPER = "<!-- only the paper's robot -->\n"
 
@@ -99,7 +100,10 @@ def readme_of(p: Parameters) -> str:
     values_of_paper = _values(Parameters())
 
     def row(match: re.Match[str]) -> str:
-        """The end of a row of the table: value, grade and source of a parameter."""
+        """The end of a row of the table: value, grade and source of a parameter.
+
+        The grade of a value that is not the paper's is U.
+        """
         name, grade_and_source = match.groups()
         value = _text(values[name])
         if np.allclose(values[name], values_of_paper[name], rtol=1e-12, atol=1e-15):
@@ -132,7 +136,7 @@ def _values(p: Parameters) -> dict[str, Array]:
 
 
 def _text(value: Array) -> str:
-    """Numbers with six digits; one row where all rows are the same."""
+    """Numbers as text, with six digits; one row if all rows are the same."""
     if (value == value[0]).all():
         value = value[0]
     rows = []

@@ -30,20 +30,25 @@ def base_orientations(parameters: Parameters) -> Array:
 
 
 def star_orientations(parameters: Parameters) -> Array:
-    """{E} in {3k}: Rot(x, 0), Rot(x, -alpha_2), Rot(x, -(alpha_2 + alpha_3)), shape (3, 3, 3)."""
+    """Orientations of {E} in {31}, {32}, {33}, shape (3, 3, 3).
+
+    They are Rot(x, 0), Rot(x, -alpha_2) and Rot(x, -(alpha_2 + alpha_3)), because the arcs are
+    turned by these angles about x.
+    """
     _, alpha_2, alpha_3 = parameters.arc_angles
-    turns = []
+    rotations = []
     for angle in (0.0, -alpha_2, -(alpha_2 + alpha_3)):  # Eqs. (30), (31), (35)
         c = np.cos(angle)
         s = np.sin(angle)
-        turns.append(((1, 0, 0), (0, c, -s), (0, s, c)))
-    return np.array(turns)
+        rotations.append(((1, 0, 0), (0, c, -s), (0, s, c)))
+    return np.array(rotations)
 
 
 def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
     """The star's three arcs in {31}, {32}, {33}, each with a third of its mass and inertia."""
     star = parameters.star
-    # Turned into {3k} here: MuJoCo before 3.14 ignores the rpy of an inertial without a warning.
+    # Mass centre and inertia are written in {3k}, not in {E} with a rotation, because MuJoCo before
+    # 3.14 ignores the rpy of an inertial without a warning.
     arcs = []
     for R in star_orientations(parameters):
         arc = RigidBody(star.mass / 3, R @ star.center_of_mass, R @ star.inertia @ R.T / 3)

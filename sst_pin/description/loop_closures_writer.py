@@ -17,8 +17,8 @@ from ..model.closures import Closure, Coupling
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
 
-#: Distance of the second configuration at which the axis of a closure is judged, [rad] or [m]: far
-#: beyond the rounding of axes, near enough that the robot stays in its assembly mode.
+#: Step to the second configuration at which the axis of a closure is judged, [rad] or [m]. It is
+#: far larger than the rounding of axes, and so small that the robot stays in its assembly mode.
 _STEP = 0.1
 
 
@@ -74,7 +74,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
 
 
 def _hinges(chain: ClosedChain, closure: Closure) -> list[dict[str, Any]]:
-    """Hinges that constrain the same freedoms as a closure; empty if no hinges do."""
+    """Hinges that leave the same motions as a closure, as entries of the file; empty if none do."""
     model = chain.mechanism.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
@@ -131,7 +131,8 @@ def _only_axis(chain: ClosedChain, closure: Closure) -> list[Array]:
         angular_a = chain.frame_jacobian(configuration, closure.frame_a)[3:]
         angular_b = chain.frame_jacobian(configuration, closure.frame_b)[3:]
         rotations.append(R.T @ (angular_b - angular_a))
-    # All relative angular velocities are along one axis if their matrix has rank 1.
+    # The columns are relative angular velocities in A. All are along one axis if the matrix has
+    # rank 1.
     U, singular_values, _ = np.linalg.svd(np.hstack(rotations))
     if singular_values[1] < RANK_TOLERANCE * singular_values[0]:
         return [U[:, 0]]

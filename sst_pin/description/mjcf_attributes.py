@@ -14,7 +14,10 @@ SINGLE = ("hinge", "slide")
 
 
 def pose_attributes(at: pin.SE3, write: Callable[[Any], str] = numbers) -> dict[str, str]:
-    """Attributes for position and orientation; zeros are left out."""
+    """Attributes `pos` and `quat` of a placement; an attribute that would be zero is left out.
+
+    `write` converts numbers to text.
+    """
     from scipy.spatial.transform import Rotation
 
     pose = {}

@@ -43,15 +43,15 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     document.add_keyframes(configurations)
     robot = document.root
     robot.insert(0, ET.Comment(_HEADER))
-    _add_looks(robot, p)
+    _add_visuals(robot, p)
     _add_sensors(robot)
-    _round_last_digits(robot)  # of what is written so far; shapes are rounded more
+    _round_last_digits(robot)  # before the shapes, which are rounded to fewer digits
     shapes = urdf_shapes(urdf.root, Path(), sst.model, pin.GeometryType.COLLISION)
     document.add_shapes(shapes, **{"class": "collision"})
     return document.text()
 
 
-def _add_looks(robot: ET.Element, p: Parameters) -> None:
+def _add_visuals(robot: ET.Element, p: Parameters) -> None:
     """Add classes of geoms, colours, and the meshes as visual geoms of the bodies."""
     default = robot.find("default")
     assert default is not None  # `MjcfDocument` writes one
@@ -83,7 +83,7 @@ def _add_sensors(robot: ET.Element) -> None:
 
 
 def _round_last_digits(robot: ET.Element) -> None:
-    """Round orientations and principal moments, whose last digits differ between machines."""
+    """Round orientations and principal moments to 15 digits; the others differ between machines."""
     for element in robot.iter():
         for key in ("quat", "diaginertia"):
             if key not in element.attrib:
@@ -97,7 +97,7 @@ def _round_last_digits(robot: ET.Element) -> None:
 def scene_of(p: Parameters) -> str:
     """XML of a scene around `sst.xml`, as large as the robot: floor, light, a camera."""
     radius = max(p.base_radius, p.star_radius)
-    # Below the reach of the star, and under the foot that the robot stands on.
+    # The floor is below the reach of the star, and not above the foot of the robot.
     ends = [float(solid.loops()[..., 2].min()) for solid in parts_of(p)["base"]]
     lowest = min(-1.25 * radius, *ends)
     return _SCENE.read_text(encoding="utf-8").format(
