@@ -70,8 +70,10 @@ def condition_number(
 def largest_condition(blocks: Iterable[tuple[Array, Array]]) -> float:
     """The largest condition number of matrices, in arrays of shape (count, rows, rates).
 
-    Each array comes with the usual sizes of its matrices, shape (count,). Where the largest
-    singular value of a matrix is smaller than its usual size, the usual size counts instead.
+    Each array comes with the usual sizes of its matrices, shape (count,); see
+    `Mechanism.usual_size`. A matrix of one column has one singular value, so that its condition
+    number would be 1 everywhere. If this value is smaller than the usual size, it is compared with
+    the usual size. The usual size of other matrices is 0.
     """
     worst = 1.0
     for matrices, usual_sizes in blocks:
