@@ -74,7 +74,7 @@ def _note_forces_of_medium(model: SdfModel) -> None:
     for link in model.links.values():
         where = f"link {link.get('name')}"
         for path in ("velocity_decay/linear", "velocity_decay/angular"):
-            if model.number(link, link, path, 0.0):
+            if model.number(link, path, 0.0):
                 model.notes.append(warning(where, f"<{path}> is not read"))
         if link.find("inertial/fluid_added_mass") is not None:
             model.notes.append(warning(where, "<fluid_added_mass> is not read"))

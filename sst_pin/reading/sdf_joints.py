@@ -40,9 +40,10 @@ _PARALLEL = 1e-9
 
 
 def joints_of(model: SdfModel, axes_in_model: bool) -> list[GraphJoint]:
-    """The joints of a model. A gear box is none of them: it becomes a coupling of two joints.
+    """The joints of a model. A gear box becomes no joint, but a coupling of two joints.
 
-    `axes_in_model` says that axes are in the frame of the model by default, not of the joint.
+    `axes_in_model` says whether directions of axes are in the frame of the model by default, or in
+    the frame of the joint.
     """
     return _JointReader(model, axes_in_model).joints()
 
@@ -118,12 +119,12 @@ class _JointReader:
         """How far a screw slides in one turn, [m]; positive for a right-handed thread."""
         if joint.find("screw_thread_pitch") is None and joint.find("thread_pitch") is not None:
             # This old element is an angle per distance, [rad/m], positive for a left-handed thread.
-            radians_per_metre = self._model.number(joint, joint, "thread_pitch", 1.0)
+            radians_per_metre = self._model.number(joint, "thread_pitch", 1.0)
             if not radians_per_metre:
                 self._model.refuse(joint, "its thread_pitch is 0")
                 return 0.0
             return -2 * np.pi / radians_per_metre
-        return self._model.number(joint, joint, "screw_thread_pitch", 1.0)
+        return self._model.number(joint, "screw_thread_pitch", 1.0)
 
     def _axes(self, joint: ET.Element, name: str, kind: str) -> tuple[Axis, ...]:
         """The axes of a joint of this kind, none for a ball and a weld.
@@ -136,7 +137,7 @@ class _JointReader:
         for tag in unused_tags:
             for key in _ACTING:
                 path = f"{tag}/dynamics/{key}"
-                if self._model.number(joint, joint, path, 0.0):
+                if self._model.number(joint, path, 0.0):
                     self._model.refuse(joint, f"{kind}, and does not have the axis of its {path}")
         for tag in tags:
             if joint.find(tag) is None:
@@ -149,10 +150,10 @@ class _JointReader:
         axis = _axis_element(joint, tag)
         limit = dict[str, float]()
         for key, default in _LIMITS.items():
-            limit[key] = self._model.number(joint, axis, f"limit/{key}", default)
+            limit[key] = self._model.number(joint, f"limit/{key}", default, part=axis)
         dynamics = dict[str, float]()
         for key in (*_ACTING, "spring_reference"):
-            dynamics[key] = self._model.number(joint, axis, f"dynamics/{key}", 0.0)
+            dynamics[key] = self._model.number(joint, f"dynamics/{key}", 0.0, part=axis)
         if limit["lower"] > limit["upper"]:
             self._model.refuse(joint, "its lower limit is above the upper one")
         mimic = self._mimic(joint, axis)
@@ -172,9 +173,9 @@ class _JointReader:
         tags = ["multiplier", "reference", "offset"]
         for fault in unknown_parts(element, tags=tags, attributes=["joint", "axis"]):
             self._model.refuse(joint, fault)
-        multiplier = self._model.number(joint, axis, "mimic/multiplier", 1.0)
-        reference = self._model.number(joint, axis, "mimic/reference", 0.0)
-        offset = self._model.number(joint, axis, "mimic/offset", 0.0)
+        multiplier = self._model.number(joint, "mimic/multiplier", 1.0, part=axis)
+        reference = self._model.number(joint, "mimic/reference", 0.0, part=axis)
+        offset = self._model.number(joint, "mimic/offset", 0.0, part=axis)
         return {
             "joint": self._axis_name(element.get("joint", ""), element.get("axis", "axis")),
             "multiplier": repr(multiplier),
@@ -213,8 +214,9 @@ class _JointReader:
             direction = np.array([0.0, 0.0, 1.0])
         # The frame in which the file has the direction; "" is the joint's own frame.
         frame = "" if xyz is None else xyz.get("expressed_in", "")
-        in_model = is_true(axis.findtext("use_parent_model_frame", str(self._axes_in_model)))
-        if not frame and in_model:
+        text = axis.findtext("use_parent_model_frame")
+        is_in_model = self._axes_in_model if text is None else is_true(text)
+        if not frame and is_in_model:
             frame = MODEL
         if frame:
             frame_in_joint = self._model.frames.relative_pose(joint.get("name", ""), frame)
@@ -248,7 +250,7 @@ class _JointReader:
         """
         body = gear.findtext("gearbox_reference_body", "").strip()
         link_of_body = self._model.frames.link_of(body)
-        ratio = self._model.number(gear, gear, "gearbox_ratio", 1.0)
+        ratio = self._model.number(gear, "gearbox_ratio", 1.0)
         parent = self._end(gear, "parent")
         hinge_1 = self._hinge(joints, gear, "axis", body=link_of_body, link=parent)
         child = self._end(gear, "child")
@@ -279,7 +281,8 @@ class _JointReader:
             if not is_hinge or {joint.parent, joint.child} != {body, link}:
                 continue
             frame = self._model.frames.pose_in_model(joint.name)
-            cosine = float(frame.rotation @ joint.axes[0].direction @ gear_axis)
+            hinge_axis = frame.rotation @ joint.axes[0].direction  # in the model, as gear_axis
+            cosine = float(hinge_axis @ gear_axis)
             if abs(abs(cosine) - 1) < _PARALLEL:  # parallel or antiparallel
                 sign = float(np.sign(cosine))
                 if joint.parent != body:  # its position is the angle of the body on the link

@@ -32,8 +32,8 @@ def add_links(model: SdfModel, graph: JointGraph) -> None:
             links_by_missing.setdefault(missing, []).append(name)
         inertia = dict[str, float]()
         for key, default in _UNIT_INERTIA.items():
-            inertia[key] = model.number(link, inertial, f"inertia/{key}", default)
-        mass = model.number(link, inertial, "mass", 1.0)
+            inertia[key] = model.number(link, f"inertia/{key}", default, part=inertial)
+        mass = model.number(link, "mass", 1.0, part=inertial)
         pose = model.frames.inertia_pose(inertial, link)
         element = graph.add_link(name, pose, mass, inertia)
         if not is_true(link.findtext("gravity", "true")):

@@ -32,16 +32,20 @@ class SdfModel:
         """Add a problem with an element of the model."""
         self.problems.append(f"{element.tag} {element.get('name')}: {text}")
 
-    def number(self, owner: ET.Element, part: ET.Element, path: str, default: float) -> float:
-        """The number at a path in a part of an element, or the default without a text there.
+    def number(
+        self, element: ET.Element, path: str, default: float, *, part: ET.Element | None = None
+    ) -> float:
+        """The number at a path in an element, or the default without a text there.
 
-        A text that is no number adds a problem of `owner`, the element with a name.
+        The path starts at `part`, a part of the element, if there is one. A text that is no number
+        adds a problem of the element.
         """
-        text = part.findtext(path, "").strip() or repr(default)
+        start = element if part is None else part
+        text = start.findtext(path, "").strip() or repr(default)
         if text.lstrip("+-").lower() in ("inf", "infinity"):
             return float(text)
         value = numbers(text, 1)
         if value is None:
-            self.refuse(owner, f"{path} {text!r} is not a number")
+            self.refuse(element, f"{path} {text!r} is not a number")
             return default
         return float(value[0])
