@@ -97,6 +97,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
 
     Mimic joints of the URDF become closures, too. A robot without loops is an open tree.
     """
+    urdf_path = Path(urdf.source)
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
     notes = list[Problem]()
 
@@ -117,12 +118,13 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed_joints)
         put_numbers(model, numbers)
 
-    # Configurations by name have positions of all joints, so joints are locked afterwards.
-    srdf_path = Path(urdf.source).with_suffix(".srdf")
-    srdf = Srdf(srdf_path) if srdf_path.is_file() else None
+    # Configurations by name. They have positions of all joints, so joints are locked afterwards.
+    srdf = _srdf_beside(urdf_path)
     if srdf is not None:
         texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
         notes += [warning("srdf", text) for text in texts]
+
+    # Locked joints leave the tree; springs are those of the joints that remain.
     with naming(source):
         weight_shares = urdf.weight_shares(model) | checked_shares(cuts.weight_shares)
         locked = _locked_joints(urdf, cuts)
@@ -133,9 +135,10 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     # Motors; in an open tree without motors each joint has one.
     motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
     open_tree = ""
-    if not cuts.source and not loops and not urdf.loop_elements.independent:
+    is_open_tree = not cuts.source and not loops and not urdf.loop_elements.independent
+    if is_open_tree:
         followers = {coupling.joint for coupling in couplings}
-        open_tree = _open_tree_warning(srdf_path.stem, bool(cuts.actuated), bool(followers))
+        open_tree = _open_tree_warning(urdf_path.stem, bool(cuts.actuated), bool(followers))
         if not cuts.actuated:
             motors = tuple(_single_joints(model, followers))
 
@@ -146,7 +149,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         model=model,
         closures=(*loops, *couplings),
         actuated=motors,
-        shapes=partial(urdf_shapes, urdf.root, srdf_path.parent),
+        shapes=partial(urdf_shapes, urdf.root, urdf_path.parent),
         stiffness=stiffness,
         spring_reference=spring_reference,
         srdf=srdf,
@@ -157,6 +160,12 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         notes=tuple(notes),
         open_tree=open_tree,
     )
+
+
+def _srdf_beside(urdf: Path) -> Srdf | None:
+    """The SRDF with the name of a URDF; None if there is none."""
+    path = urdf.with_suffix(".srdf")
+    return Srdf(path) if path.is_file() else None
 
 
 def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
@@ -173,9 +182,12 @@ def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
 def _warning_of_replaced_closures(
     model: pin.Model, cuts: Cuts, elements: LoopElements
 ) -> Iterator[Problem]:
-    """A warning if the URDF marks closures and the closures of the YAML replace them."""
+    """A warning if the URDF marks closures and the YAML replaces them; see `_add_loops`.
+
+    Closures of the YAML replace all of them, hinges of the YAML only the joints that close loops.
+    """
     names = [joint.name for joint in elements.joints]
-    if cuts.closures:  # only these replace pairs of closing frames; see `_add_loops`
+    if cuts.closures:
         used_frames = set[str]()
         for closure in cuts.closures:
             used_frames.update(frames_of(closure))
@@ -190,8 +202,9 @@ def _warning_of_replaced_closures(
 def _add_loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Constraint, ...]:
     """The closures of the YAML, else those that the URDF marks.
 
-    The URDF marks closures by pairs of closing frames and by joints that close loops. The frames of
-    such joints are added to the model.
+    A URDF marks closures by pairs of frames `closing_NAME_1` and `closing_NAME_2`, see
+    `closing_frames`, and by joints that close loops, see `loop_elements`. The frames of such joints
+    are added to the model.
     """
     if cuts.closures:
         return cuts.closures
