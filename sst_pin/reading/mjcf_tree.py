@@ -33,15 +33,16 @@ class _JointKind(NamedTuple):
     joint_model: Any
     #: Indices of its coordinates in `qpos`, in Pinocchio's order.
     addresses: list[int]
-    #: The placement of its body on the parent at `qpos0`. For a free joint, the placement in the
-    #: world relative to which the joint's coordinates are the body's pose.
+    #: The placement relative to which the joint moves the body. For a hinge, a slide or a ball it
+    #: is the body's placement at `qpos0`, relative to the joint before it. For a free joint it is
+    #: the world, or `reference`.
     placement: pin.SE3
     #: The motion of the joint from `qpos0` to position zero.
     to_zero: pin.SE3 = pin.SE3.Identity()
-    #: The pose in the world at `qpos0` of a free joint that is locked in part; its remaining joints
-    #: move relative to this pose. None for other joints.
+    #: For a free joint with locked rates: its pose in the world at `qpos0`, where its positions are
+    #: zero. None for other joints.
     reference: pin.SE3 | None = None
-    #: Whether it becomes three slides and a ball.
+    #: Whether a free joint becomes three slides and a ball.
     is_split: bool = False
 
 
@@ -101,7 +102,7 @@ class MjcfTree:
         parts = [np.empty(0)]  # so that a model without joints has an empty configuration
         for kind, series in self._joints:
             q = qpos[kind.addresses]
-            if kind.reference is not None:
+            if kind.reference is not None:  # its positions are relative to this pose
                 pose = pin.XYZQUATToSE3(q)
                 q = pin.SE3ToXYZQUAT(kind.reference.actInv(pose))
             parts += series.positions(q)
@@ -134,21 +135,22 @@ class MjcfTree:
     # --- bodies and joints --------------------------------------------------------------------
 
     def _add_body(self, body: int) -> None:
-        """Add a body with its joints in series, behind its parent."""
+        """Add a body with its joints in series after the joint of its parent."""
         mj = self._compiled.mj
-        parent, placement = self.bodies[mj.body_parentid[body]]
-        placement = placement * pose_of(mj.body_pos[body], mj.body_quat[body])
+        # The last joint that moves the body so far, and the placement of the body on it.
+        last_joint, parent_on_joint = self.bodies[mj.body_parentid[body]]
+        placement = parent_on_joint * pose_of(mj.body_pos[body], mj.body_quat[body])
         first = mj.body_jntadr[body]
         for joint in range(first, first + mj.body_jntnum[body]):
             if not self._compiled.is_locked(joint):
-                parent, placement = self._add_joint(joint, parent, placement)
-        self.bodies.append(BodyInTree(parent, placement))
+                last_joint, placement = self._add_joint(joint, last_joint, placement)
+        self.bodies.append(BodyInTree(last_joint, placement))
         # MuJoCo has principal moments, whose axes are the columns of R: R diag(moments) R^T.
         center = mj.body_ipos[body]
         R = pose_of(center, mj.body_iquat[body]).rotation
         R_times_moments = R * mj.body_inertia[body]  # each column times its moment
         inertia = pin.Inertia(mj.body_mass[body], center, R_times_moments @ R.T)
-        self.model.appendBodyToJoint(parent, inertia, placement)
+        self.model.appendBodyToJoint(last_joint, inertia, placement)
 
     def _add_joint(self, joint: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
         """Add a joint; returns the last joint of its series and the body's placement on it.
@@ -161,8 +163,9 @@ class MjcfTree:
             series: Series = PartlyLocked(kind.joint_model, dict.fromkeys(locked, 0.0))
         else:
             series = Series.whole(kind.joint_model)
-        # The first part is at the anchor, the point of the body about which the joint turns, in the
-        # pose that the body has at position zero. Each part moves the next one, the last the body.
+        # The joint turns about its anchor, a point of the body. The first part is at the anchor of
+        # the body at position zero. Each part moves the next one, and the last part moves the body.
+        # If all rates are locked, there are no parts.
         mj = self._compiled.mj
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         first_dof = mj.jnt_dofadr[joint]
@@ -195,7 +198,11 @@ class MjcfTree:
         return _JointKind(model, [address], placement, to_zero)
 
     def _free_joint(self, joint: int) -> _JointKind:
-        """What a free joint is in Pinocchio; its coordinates are its pose in the world."""
+        """What a free joint is in Pinocchio.
+
+        Its coordinates are the pose of its body in the world. If rates are locked, the joint moves
+        the body relative to the pose at `qpos0`, so that the locked positions are zero.
+        """
         mj = self._compiled.mj
         first = mj.jnt_qposadr[joint]
         addresses = [*range(first, first + 3), *_scalar_last(first + 3)]
