@@ -12,7 +12,17 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from .inertia_checks import ENTRIES
-from .problems import Problem, attribute, error, note, number, numbers, unknown_parts, warning
+from .problems import (
+    SHORTEST_AXIS,
+    Problem,
+    attribute,
+    error,
+    note,
+    number,
+    numbers,
+    unknown_parts,
+    warning,
+)
 from .tool_elements import ONE_AXIS
 
 #: All types of joints.
@@ -239,23 +249,22 @@ def wrong_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
                 yield error(where, f"{element.tag} {key}={text!r} is not {need}")
 
 
-#: The largest entry of an axis is between these numbers. The square of a smaller one underflows
-#: when the length of the axis is computed, the square of a larger one overflows.
-_MIN_AXIS = 1e-100
-_MAX_AXIS = 1e100
+#: An axis with a larger entry is refused: beyond 1e154 the square of its length overflows.
+_LONGEST_AXIS = 1e100
 
 
 def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     """Problems of the direction of an axis."""
     axis = joint.find("axis")
+    # Without <axis> it is x by the specification of URDF; an <axis> without a direction is wrong.
     text = "1 0 0" if axis is None else axis.get("xyz", "0 0 0")
     direction = numbers(text, 3)
     if direction is None:
         return
     largest = np.abs(direction).max()
-    if largest <= _MIN_AXIS:
+    if largest <= SHORTEST_AXIS:
         yield error(where, "its axis is zero")
-    elif largest >= _MAX_AXIS:
+    elif largest >= _LONGEST_AXIS:
         yield error(where, "its axis is too long")
     elif abs(np.linalg.norm(direction) - 1) > _AXIS_ROUNDING:
         yield warning(where, f"its axis has length {np.linalg.norm(direction):.6g}, not 1")
