@@ -23,10 +23,10 @@ from ..summaries import listed
 
 #: Texts that urdfdom and MuJoCo read as the same number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-#: Least similarity, from 0 to 1, of a name to a known one of which it is taken for a misspelling:
-#: four of five letters.
+#: An unknown name counts as a misspelling of a known name if their similarity, from 0 to 1, is at
+#: least this one: four of five letters are the same.
 ALIKE = 0.8
-#: A shorter axis counts as zero; below 1e-154 the square of its length underflows.
+#: A shorter axis counts as zero: below 1e-154 the square of its length underflows.
 SHORTEST_AXIS = 1e-100
 
 
