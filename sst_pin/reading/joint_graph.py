@@ -112,7 +112,7 @@ class JointGraph:
         Args:
             name: The name of the robot.
             joints: All joints.
-            poses: For each link, its pose in the world at zero. A link that floats has it at zero.
+            poses: The pose of each link in the world when all positions are zero.
             frames: Names of the frames that `add_frame` will add.
         """
         self.urdf = ET.Element("robot", name=name)
@@ -153,7 +153,10 @@ class JointGraph:
         return None
 
     def _floating_joint(self, link: str, pose: pin.SE3) -> GraphJoint:
-        """A floating joint for a link that no joint connects with the tree; `pose` is at zero."""
+        """A floating joint for a link that no joint connects with the tree.
+
+        `pose` is the pose of the link in the world when the position of this joint is zero.
+        """
         name = "floating_base" if len(self._in_tree) == 1 else f"{link}_floats"
         name = self._new_name(name)
         return GraphJoint(name, "floating", WORLD, link, pose, pin.SE3.Identity())
@@ -340,7 +343,7 @@ def _steps(joint: GraphJoint) -> list[_Step]:
 
 
 def axis_names(joint: str, count: int) -> list[str]:
-    """Names of the steps that replace a joint with `count` axes; it keeps its name with one."""
+    """Names of the steps of a joint with `count` axes; a joint with one axis keeps its name."""
     if count < 2:
         return [joint]
     return [f"{joint}_{k}" for k in range(1, count + 1)]
