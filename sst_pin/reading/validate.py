@@ -80,6 +80,7 @@ class Report(NamedTuple):
 
 def examine(path: str | Path, cuts: str | Path | None = None, model: str | None = None) -> Report:
     """The problems of a file, errors first, and the summary of the robot."""
+    # `Urdf.read` reports a path of another type.
     if isinstance(path, (str, Path)) and reading.is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")
@@ -203,7 +204,7 @@ def _unknown_names(robot: RobotFile) -> Iterator[Problem]:
         for name in names:
             try:
                 frame_id(model, name)
-            except DescriptionError as caught:
+            except DescriptionError as caught:  # several frames of this name, at different places
                 yield from _errors_of(caught, f"frame {name}")
             except SSTError:
                 yield error(where, f"no frame {name} in the model")
