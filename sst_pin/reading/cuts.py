@@ -342,7 +342,8 @@ def _friction(joint: str, value: Any) -> float:
 def _weight_share(joint: str, value: Any) -> Share:
     """How much of the weight of a joint's body acts on it; see `model.weight_shares`.
 
-    It is a share, or a list of the share and the offset x, y, z of the weight.
+    It is a share, or the list [share, x, y, z] with the offset of the weight in the axes of the
+    joint, [m].
     """
     if not isinstance(value, list):
         return number_in(value)
