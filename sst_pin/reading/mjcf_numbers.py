@@ -32,7 +32,8 @@ def impossible_numbers(compiled: Compiled) -> Iterator[str]:
             negative = np.zeros_like(not_finite)
             if kind == "dof":
                 negative = array < 0
-            for i in map(int, np.unique(np.nonzero(not_finite | negative)[0])):
+            impossible = np.unique(np.nonzero(not_finite | negative)[0])  # elements, in the rows
+            for i in map(int, impossible):
                 text = f"{array[i]:g} is negative" if negative[i].any() else "is not finite"
                 yield f"{_element(compiled, kind, i)}: {field} {text}"
     if not np.isfinite(mj.opt.gravity).all():

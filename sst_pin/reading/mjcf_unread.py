@@ -79,7 +79,8 @@ def _problems_of_partly_locked(compiled: Compiled) -> Iterator[str]:
         name = compiled.joint_name(joint)
         has_spring = mj.jnt_stiffness[joint] and not compiled.disabled("spring")
         if mj.jnt_type[joint] == FREE:
-            # It becomes slides and hinges in other axes than MuJoCo's, with other forces.
+            # It becomes slides and hinges. Their axes are not those of MuJoCo's rates, so that the
+            # forces would differ.
             forces = compiled.forces_of_free_joint(joint)
             if forces:
                 what = f"a free joint with {listed(forces)}"
@@ -141,7 +142,8 @@ def _yield_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
     mj = compiled.mj
     for field, description in _YIELDS.items():
         numbers = getattr(mj, field, np.zeros(0))  # not every MuJoCo has it
-        for i in map(int, np.unique(np.nonzero(numbers)[0])):
+        with_yield = np.unique(np.nonzero(numbers)[0])  # joints or tendons, in the rows
+        for i in map(int, with_yield):
             if field == "jnt_springyield":
                 moves = mj.jnt_dofadr[i] in tree.dofs
             else:
