@@ -86,8 +86,8 @@ class Compiled:
     def name(self, kind: str, i: int) -> str:
         """Name of an element; one without a name is called after its kind and number.
 
-        A site that has the name of a body, but not its frame, is called `NAME_site`, because the
-        frame of the body is called `NAME`.
+        If a site has the name of a body and is not at the body's frame, it is called `NAME_site`,
+        because the frame of the body is called `NAME`.
         """
         name = getattr(self.mj, kind)(i).name or f"{kind}_{i}"
         if kind == "site" and self._is_beside_body(i, name):
@@ -107,7 +107,7 @@ class Compiled:
         body = self.mj.jnt_bodyid[joint]
         number = joint - self.mj.body_jntadr[body]
         suffix = f"_{number}" if number else ""
-        return self.mj.joint(joint).name or self.name("body", body) + suffix
+        return self.mj.joint(joint).name or f"{self.name('body', body)}{suffix}"
 
     def rate_names(self, joint: int) -> list[str]:
         """Names of the rates of a ball or a free joint, by which they are locked."""
