@@ -193,7 +193,7 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
     for part in element:
         for key in _ACTING_OF_MUJOCO.get(part.tag, ()):
             value = part.get(key)
-            if value is None or value in ("false", "auto"):
+            if value is None or value in ("false", "auto"):  # texts of defaults
                 continue
             # A total mass below zero, the default, changes no masses.
             mass = numbers(value, 1) if key == "settotalmass" else None

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Points that coincide, as onshape-to-robot marks them in a URDF.
 
-They are links without mass, `closing_NAME_1` and `closing_NAME_2`. With them PlaCo closes loops as
-well.
+The points are links without mass, `closing_NAME_1` and `closing_NAME_2`. PlaCo, too, closes loops
+by them.
 """
 
 import re

@@ -108,8 +108,8 @@ class SdfFrames:
     def _pose_of_part(self, part: ET.Element, owner: ET.Element) -> pin.SE3:
         """The pose of the model or of an inertia.
 
-        Its reference frame is fixed, the world of the model or the link of the inertia. Another one
-        is a problem of the owner, the element with a name.
+        The pose of a model is relative to the world, the pose of an inertia to its link. If the
+        pose names another frame, `owner`, the model or the link, has a problem.
         """
         reference = _named_reference(part)
         is_model_in_world = part is self._model and self._is_in_world and reference == WORLD

@@ -60,8 +60,8 @@ _SHAPES: dict[str, dict[str, str]] = {
 def _shape(tag: str, shape: ET.Element, place: pin.SE3, name: str) -> Iterator[ET.Element]:
     """A shape as an element of a URDF; nothing for planes and height maps, which are left out.
 
-    `tag` is "visual" or "collision", `place` the pose of the shape on its link, `name` the name of
-    its material.
+    `tag` is "visual" or "collision", `place` the pose of the shape on its link, `name` a new name
+    for its material.
     """
     geometry = shape.find("geometry")
     if geometry is None or not len(geometry):

@@ -132,7 +132,8 @@ class Urdf:
         if problems:
             raise DescriptionError(self.source, problems)
 
-        # The tree, first with a joint of one axis for each joint; then frames of Drake.
+        # The tree: first each joint has one axis, then joints get their true kinds. The last frames
+        # are those of Drake.
         try:
             model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:
