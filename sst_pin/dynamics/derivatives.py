@@ -366,7 +366,7 @@ class Derivatives:
         """
         context = self._context
         tree = self._context.tree
-        v, _ = context.complement.motion(q, va, context.steady)
+        v, _ = context.complement.motion(q, va, context.zero_aa)
         # The rates of the normal tree are S v.
         v = tree.S.dot(v)
         L = tree.S.dot(context.complement.L)
@@ -383,7 +383,7 @@ class Derivatives:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
         loops = self._context.loops
         complement = self._context.complement
-        v, v_dot = complement.motion(q, va, self._context.steady)
+        v, v_dot = complement.motion(q, va, self._context.zero_aa)
         motion = TreeMotion(loops, v, v_dot)
         L = complement.L
         v_q = -complement.inverse.dot(partials(loops, q, motion).velocity_q.dot(L))

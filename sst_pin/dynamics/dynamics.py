@@ -164,7 +164,7 @@ class Context:
         assembly: Closes the loops by steps in which wheels may slip and braked joints may move.
         without_slip: Closes the loops by steps in which wheels roll and braked joints rest.
         whole_inertia: The result of `whole_inertia`, [kg m^2].
-        steady: Zero accelerations of the coordinates, for motions with constant va.
+        zero_aa: Accelerations of the coordinates that are zero, shape (n,).
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -177,7 +177,7 @@ class Context:
         self.assembly = Assembly(mechanism, self.loops)
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self.whole_inertia = whole_inertia(mechanism)
-        self.steady = np.zeros(len(mechanism.coordinates))
+        self.zero_aa = np.zeros(len(mechanism.coordinates))
 
     @cached_property
     def continuity(self) -> Continuity:
@@ -369,7 +369,7 @@ def direct_dynamics(
 
     The loops may be open up to `tolerance`. `friction` replaces that of the mechanism.
     """
-    v, bias = context.complement.motion(q, va, context.steady, tolerance)  # bias = L_dot va
+    v, bias = context.complement.motion(q, va, context.zero_aa, tolerance)  # bias = L_dot va
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
     L = context.complement.L
     inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)

@@ -229,7 +229,7 @@ class NonsmoothStep:
     def _beginning(self, q: Array, va: Array) -> _Beginning:
         """All that a step needs of the state (q, va)."""
         context = self._context
-        v, bias = context.complement.motion(q, va, context.steady)
+        v, bias = context.complement.motion(q, va, context.zero_aa)
         M_tree = context.tree_inertia()
         force = -context.tree_forces(v, bias)
         gaps, J_contacts = self._contacts()

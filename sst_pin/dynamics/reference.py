@@ -287,7 +287,7 @@ class Reference(threading.local):
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
         context = self.context
         tree = context.tree
-        v, v_dot = context.complement.motion(q, va, context.steady)
+        v, v_dot = context.complement.motion(q, va, context.zero_aa)
         pin.forwardKinematics(
             tree.model, context.data, context.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
         )
