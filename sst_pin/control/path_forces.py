@@ -13,6 +13,8 @@ Research 4(3), 1985). With surplus motors, each row is not about one motor but a
 that no preload changes; see `motor_limits`.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -48,82 +50,6 @@ class Parts(NamedTuple):
     dry: Array
     #: The largest w by the limits of rates, shape (N,).
     most: Array
-
-
-class _DryFriction(NamedTuple):
-    """Least and largest sums of parts due to Coulomb friction, shape (N, sums)."""
-
-    least: Array
-    largest: Array
-
-
-def _dry_friction(rates: Array, forward: Array) -> _DryFriction:
-    """Coulomb friction at N points of a path.
-
-    The friction of a moving joint or line follows its rate; at rest it has either sign.
-
-    Args:
-        rates: Rates of the joints and lines by s, free of units, shape (N, nv + lines).
-        forward: Sums by joint and line where it moves forward, shape (N, sums, nv + lines).
-    """
-    moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
-    moving = np.einsum("ikj,ij->ik", forward, np.sign(rates) * moves)
-    resting = np.einsum("ikj,ij->ik", np.abs(forward), ~moves)
-    return _DryFriction(least=moving - resting, largest=moving + resting)
-
-
-def _rates_by_s(limits: MotorLimits, q: Array, first: Array) -> Array:
-    """Rates of all joints and of the lengths of all lines for w = 1, free of units.
-
-    Shape (N, nv + lines); `first` are the derivatives x' of the coordinates, shape (N, n).
-    """
-    mechanism = limits.chain.mechanism
-    rates_of_joints = limits.chain.joint_rates(q, first)
-    rates_of_lines = limits.chain.engine.line_rates(q, rates_of_joints)
-    return np.hstack([rates_of_joints / mechanism.rate_scale, rates_of_lines / mechanism.length])
-
-
-class _Coefficients(NamedTuple):
-    """The functions of the module at N points, as sums of parts, each of shape (N, sums)."""
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-
-
-def _coefficients(
-    limits: MotorLimits,
-    q: Array,
-    first: Array,
-    second: Array,
-    factors: Array,
-    dry: _DryFriction,
-) -> _Coefficients:
-    """The coefficients at points of a path, by the inverse dynamics at four pairs of u and w.
-
-    Args:
-        limits: The limits of the motors.
-        q: Configurations, shape (N, nq).
-        first: x', shape (N, n).
-        second: x'', shape (N, n).
-        factors: Factors of the sums, shape (N, sums, k).
-        dry: Coulomb friction, which is a part of the forces if w is not zero.
-    """
-
-    def sums_at(w: float, u: float = 0.0) -> Array:
-        parts = limits.parts(q, w * first, w**2 * second + u * first)
-        return np.einsum("irk,ik->ir", factors, parts)
-
-    c = sums_at(0.0)
-    a = sums_at(0.0, 1.0) - c
-    # In w, the even part of the sums is c + b w^2, and the odd part is d w and the friction, whose
-    # sign follows the rate. Joints at rest have none in the inverse dynamics.
-    at_w = sums_at(_FAST)
-    at_minus_w = sums_at(-_FAST)
-    b_w2 = (at_w + at_minus_w) / 2 - c
-    d_w = (at_w - at_minus_w) / 2 - (dry.least + dry.largest) / 2
-    return _Coefficients(a=a, b=b_w2 / _FAST**2, c=c, d=d_w / _FAST)
 
 
 class PathForces:
@@ -176,3 +102,79 @@ class PathForces:
         with np.errstate(divide="ignore"):
             most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
         return Parts(a=a, b=b, c=c, d=d, dry=largest_dry, most=most)
+
+
+def _rates_by_s(limits: MotorLimits, q: Array, first: Array) -> Array:
+    """Rates of all joints and of the lengths of all lines for w = 1, free of units.
+
+    Shape (N, nv + lines); `first` are the derivatives x' of the coordinates, shape (N, n).
+    """
+    mechanism = limits.chain.mechanism
+    rates_of_joints = limits.chain.joint_rates(q, first)
+    rates_of_lines = limits.chain.engine.line_rates(q, rates_of_joints)
+    return np.hstack([rates_of_joints / mechanism.rate_scale, rates_of_lines / mechanism.length])
+
+
+class _DryFriction(NamedTuple):
+    """Least and largest sums of parts due to Coulomb friction, shape (N, sums)."""
+
+    least: Array
+    largest: Array
+
+
+def _dry_friction(rates: Array, forward: Array) -> _DryFriction:
+    """Coulomb friction at N points of a path.
+
+    The friction of a moving joint or line follows its rate; at rest it has either sign.
+
+    Args:
+        rates: Rates of the joints and lines by s, free of units, shape (N, nv + lines).
+        forward: Sums by joint and line where it moves forward, shape (N, sums, nv + lines).
+    """
+    moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
+    moving = np.einsum("ikj,ij->ik", forward, np.sign(rates) * moves)
+    resting = np.einsum("ikj,ij->ik", np.abs(forward), ~moves)
+    return _DryFriction(least=moving - resting, largest=moving + resting)
+
+
+class _Coefficients(NamedTuple):
+    """The functions of the module at N points, as sums of parts, each of shape (N, sums)."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+
+def _coefficients(
+    limits: MotorLimits,
+    q: Array,
+    first: Array,
+    second: Array,
+    factors: Array,
+    dry: _DryFriction,
+) -> _Coefficients:
+    """The coefficients at points of a path, by the inverse dynamics at four pairs of u and w.
+
+    Args:
+        limits: The limits of the motors.
+        q: Configurations, shape (N, nq).
+        first: x', shape (N, n).
+        second: x'', shape (N, n).
+        factors: Factors of the sums, shape (N, sums, k).
+        dry: Coulomb friction, which is a part of the forces if w is not zero.
+    """
+
+    def sums_at(w: float, u: float = 0.0) -> Array:
+        parts = limits.parts(q, w * first, w**2 * second + u * first)
+        return np.einsum("irk,ik->ir", factors, parts)
+
+    c = sums_at(0.0)
+    a = sums_at(0.0, 1.0) - c
+    # In w, the even part of the sums is c + b w^2, and the odd part is d w and the friction, whose
+    # sign follows the rate. Joints at rest have none in the inverse dynamics.
+    at_w = sums_at(_FAST)
+    at_minus_w = sums_at(-_FAST)
+    b_w2 = (at_w + at_minus_w) / 2 - c
+    d_w = (at_w - at_minus_w) / 2 - (dry.least + dry.largest) / 2
+    return _Coefficients(a=a, b=b_w2 / _FAST**2, c=c, d=d_w / _FAST)
