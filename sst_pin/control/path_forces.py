@@ -6,11 +6,17 @@ rates are x' w and the accelerations x' u + x'' w^2. The motors use the parts
 
     a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s)
 
-of their limits, due to inertia, velocity, weights and springs, viscous and Coulomb friction. The
-inverse dynamics for some u and w gives these functions of s (J. E. Bobrow, S. Dubowsky, J. S.
-Gibson, Time-optimal control of robotic manipulators along specified paths, Int. J. Robotics
-Research 4(3), 1985). With surplus motors, each row is not about one motor but about a sum of parts
-that no preload changes; see `motor_limits`.
+of their limits, due to inertia (a), velocity (b), weights and springs (c), viscous (d) and Coulomb
+friction (dry). The inverse dynamics for some u and w gives these functions of s (J. E. Bobrow, S.
+Dubowsky, J. S. Gibson, Time-optimal control of robotic manipulators along specified paths, Int. J.
+Robotics Research 4(3), 1985).
+
+The part of a limit is -1 at the least value and 1 at the largest. With surplus motors, a preload
+changes the parts. Then the functions are not those of single motors, but of sums of parts that no
+preload changes: a sum is the product of factors and parts; see `motor_limits`.
+
+`PathForces` has these functions as splines. It computes them at some points of the path, its nodes:
+`_coefficients` has a to d, and `_dry_friction` the last one.
 """
 
 from __future__ import annotations
@@ -25,8 +31,8 @@ from .motor_limits import normalised
 from .path_limits import MARGIN, MotorLimits
 from .smooth_path import SmoothPath
 
-#: A rate w at which inertia forces are much larger than friction: w^2 is far above w. The forces
-#: at w and -w then give b and d with eight digits.
+#: A rate w at which inertia forces are much larger than friction, as w^2 is far above w. The forces
+#: at w and -w give b and d: with half of the 16 digits each, since w^2 = 1e8.
 _FAST = 1e4
 #: A joint counts as resting if its rate is below this fraction of the largest joint rate. 1e-8 is
 #: the square root of the rounding error: splines of the rates are not exactly zero.
@@ -36,24 +42,30 @@ _STILL = 1e-8
 class Parts(NamedTuple):
     """What a motion uses of its limits at N points of a path.
 
-    Each sum of parts has two columns, together 2 sums: the sum itself and its opposite, so that
-    both ends of its range are 1. The motion keeps its limits if no column exceeds 1.
+    A sum of parts must be between -1 and 1: neither the sum nor its opposite may exceed 1. So the
+    arrays have a column for each sum, then a column for the opposite of each sum. The motion keeps
+    its limits if a u + b w^2 + c + d w + dry <= 1 in all columns.
     """
 
-    #: Shapes (N, 2 sums); see the module.
+    #: The functions of the module, normalised by the factors, shapes (N, 2 sums).
     a: Array
     b: Array
     c: Array
     d: Array
     #: The largest Coulomb friction in each column, shape (N, 2 sums). Its sign is unknown where a
-    #: joint is at rest, so it can be positive in both directions.
+    #: joint is at rest, so it may be positive for a sum and for its opposite.
     dry: Array
-    #: The largest w by the limits of rates, shape (N,).
+    #: The largest w that the limits of rates allow, shape (N,).
     most: Array
 
 
 class PathForces:
     """All parts along a path, as splines through some of its points, the nodes.
+
+    Args:
+        limits: Limits of the motors.
+        path: The curve x(s).
+        nodes: Values of s, increasing, shape (N,).
 
     Attributes:
         unit: The unit of time in which w is about one, [s].
@@ -70,8 +82,9 @@ class PathForces:
         coefficients = _coefficients(limits, q, first, second, factors, dry)
         speeds = limits.speeds(q, first)
 
-        # The sums and their factors are smooth along the path. Normalised sums are not where all
-        # factors of a sum pass zero. So sums are interpolated first and normalised in `at`.
+        # The sums and their factors are smooth along the path. Normalised sums, which are divided
+        # by the sizes of the factors, are not smooth where all factors of a sum pass zero. So the
+        # sums are interpolated here, and normalised in `at`.
         self._factors = spline(nodes, factors)
         self._rates = spline(nodes, rates)
         self._forward = spline(nodes, forward)
@@ -80,7 +93,8 @@ class PathForces:
         self._c = spline(nodes, coefficients.c)
         self._d = spline(nodes, coefficients.d)
         self._speeds = spline(nodes, speeds)
-        # With w = 1 / unit, inertia forces or rates use about their whole limits.
+        # Somewhere on the path, inertia forces for u = 1 / unit^2 or rates for w = 1 / unit use
+        # their whole limits.
         largest_a = np.abs(normalised(coefficients.a, factors)).max()
         self.unit = max(float(np.sqrt(largest_a)), float(speeds.max()), 1e-100)
         largest_d = float(np.abs(normalised(coefficients.d, factors)).max())
@@ -91,17 +105,25 @@ class PathForces:
         factors = self._factors(s)
         dry = _dry_friction(self._rates(s), self._forward(s))
 
+        def columns(sums: Array, opposites: Array) -> Array:
+            """Normalised sums, then their normalised opposites, shape (N, 2 sums)."""
+            return np.hstack([normalised(sums, factors), normalised(opposites, factors)])
+
         a = self._a(s)
         b = self._b(s)
         c = self._c(s)
         d = self._d(s)
-        # A sum is between -1 and 1 if neither it nor its opposite exceeds 1: two columns for each.
-        upper = normalised(np.stack([a, b, c, d, dry.largest]), factors)
-        lower = normalised(np.stack([-a, -b, -c, -d, -dry.least]), factors)
-        a, b, c, d, largest_dry = np.concatenate([upper, lower], axis=-1)
+        # With w = 1 the rates use `speeds` of their limits, so that w may be 1 / speeds.
         with np.errstate(divide="ignore"):
             most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
-        return Parts(a=a, b=b, c=c, d=d, dry=largest_dry, most=most)
+        return Parts(
+            a=columns(a, -a),
+            b=columns(b, -b),
+            c=columns(c, -c),
+            d=columns(d, -d),
+            dry=columns(dry.largest, -dry.least),
+            most=most,
+        )
 
 
 def _rates_by_s(limits: MotorLimits, q: Array, first: Array) -> Array:
@@ -129,16 +151,18 @@ def _dry_friction(rates: Array, forward: Array) -> _DryFriction:
 
     Args:
         rates: Rates of the joints and lines by s, free of units, shape (N, nv + lines).
-        forward: Sums by joint and line where it moves forward, shape (N, sums, nv + lines).
+        forward: The sums due to the friction of each joint and line alone, while it moves forward,
+            shape (N, sums, nv + lines).
     """
-    moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
-    moving = np.einsum("ikj,ij->ik", forward, np.sign(rates) * moves)
-    resting = np.einsum("ikj,ij->ik", np.abs(forward), ~moves)
-    return _DryFriction(least=moving - resting, largest=moving + resting)
+    is_moving = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
+    # Matrix times vector at each point.
+    of_moving = np.einsum("ikj,ij->ik", forward, np.sign(rates) * is_moving)
+    of_resting = np.einsum("ikj,ij->ik", np.abs(forward), ~is_moving)
+    return _DryFriction(least=of_moving - of_resting, largest=of_moving + of_resting)
 
 
 class _Coefficients(NamedTuple):
-    """The functions of the module at N points, as sums of parts, each of shape (N, sums)."""
+    """The functions a to d of the module at N points, as sums of parts, each of shape (N, sums)."""
 
     a: Array
     b: Array
@@ -162,17 +186,19 @@ def _coefficients(
         first: x', shape (N, n).
         second: x'', shape (N, n).
         factors: Factors of the sums, shape (N, sums, k).
-        dry: Coulomb friction, which is a part of the forces if w is not zero.
+        dry: Coulomb friction, which is a part of the sums if w is not zero.
     """
 
     def sums_at(w: float, u: float = 0.0) -> Array:
+        """Sums of parts for the rates x' w and the accelerations x' u + x'' w^2."""
         parts = limits.parts(q, w * first, w**2 * second + u * first)
-        return np.einsum("irk,ik->ir", factors, parts)
+        return np.einsum("irk,ik->ir", factors, parts)  # matrix times vector at each point
 
     c = sums_at(0.0)
     a = sums_at(0.0, 1.0) - c
-    # In w, the even part of the sums is c + b w^2, and the odd part is d w and the friction, whose
-    # sign follows the rate. Joints at rest have none in the inverse dynamics.
+    # The sums at w and -w (u = 0) have the mean c + b w^2. Half their difference is d w and the
+    # Coulomb friction of moving joints: inverse dynamics has no friction of joints at rest. This is
+    # the mean of the least and the largest friction.
     at_w = sums_at(_FAST)
     at_minus_w = sums_at(-_FAST)
     b_w2 = (at_w + at_minus_w) / 2 - c
