@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Limits of the torques, rates and accelerations of the motors, for motions along a path.
 
-A part of a limit runs from -1 at the least value to 1 at the largest. Parts, and sums of parts that
-do not depend on a preload, are explained in `motor_limits`.
+The part of a limit that a torque or an acceleration takes is -1 at the least value and 1 at the
+largest. With surplus motors, a preload changes the parts of torques. The motors keep their limits
+for some preload if certain sums of parts, which no preload changes, are between -1 and 1.
+`motor_limits` derives these sums: each is a row of factors times the parts, divided by the sum of
+the sizes of the factors.
 """
 
 import numpy as np
@@ -20,11 +23,22 @@ MARGIN = 1e-4
 
 
 class MotorLimits:
-    """Limits of the motors, and the parts of them that a motion takes, from -1 to 1.
+    """Limits of the motors, and the parts of them that a motion takes.
 
     There are k parts: one for the torque of each motor if torques have limits, then one for the
-    acceleration of each motor if accelerations have limits. With surplus motors, `factors` gives
-    the sums of parts that do not depend on the preload.
+    acceleration of each motor if accelerations have limits. `factors` has the factors of the sums
+    of parts. Without surplus motors, each sum is a single part. Rates have no parts: `speeds`
+    compares them with their limits.
+
+    Args:
+        chain: The robot.
+        torques: Largest ones, shape () or (motors,), or least and largest ones, (motors, 2); None
+            for no limit.
+        rates: Limits of the motors' rates in the same shapes; zero must be within them.
+        accelerations: Limits of the motors' accelerations, like those of rates.
+
+    Attributes:
+        torques, rates, accelerations: Least and largest values, shape (motors, 2), or None.
     """
 
     def __init__(
@@ -55,7 +69,7 @@ class MotorLimits:
         return bounds
 
     def _require_rest_inside(self, accelerations: Array) -> None:
-        """Refuse limits one of whose ends is so small that the margin at grid points passes it."""
+        """Refuse limits so close to zero that a motor at rest is within `MARGIN` of the limit."""
         too_near = np.abs(part_of(np.zeros(len(accelerations)), accelerations)) > 1 - MARGIN
         if too_near.any():
             motors = listed([self.chain.motor_names[k] for k in np.flatnonzero(too_near)])
@@ -74,32 +88,38 @@ class MotorLimits:
         return np.hstack(parts)
 
     def factors(self, q: Array) -> Array:
-        """Factors of the parts in each sum, continuous along a path, shape (N, sums, k)."""
+        """Factors of the parts in each sum, continuous along a path, shape (N, sums, k).
+
+        There are sums of parts of torques first. Then each acceleration is a sum by itself, because
+        preloads do not change it.
+        """
         torques = np.zeros((len(q), 0, 0))
         if self.torques is not None:
             torques = factors_of_sums(self.chain.preload_directions(q), self.torques)
         accelerations = 0
         if self.accelerations is not None:
             accelerations = len(self.chain.motor_names)
-        # Factors of torques depend on the units. If those of accelerations were 1, the rows of
-        # one kind could count as zero beside the other.
+        # Any factor serves for a single acceleration. Rows that are much smaller than others count
+        # as zero in `normalised`. So it is as large as the largest row of factors of torques, which
+        # depends on the units.
         size = np.abs(torques).sum(axis=-1).max(initial=0.0) or 1.0
-        # Block diagonal: sums of torques first, then each acceleration by itself.
-        _, sums, columns = torques.shape
-        factors = np.zeros((len(q), sums + accelerations, columns + accelerations))
-        factors[:, :sums, :columns] = torques
-        factors[:, sums:, columns:] = size * np.eye(accelerations)
+        # A block diagonal matrix.
+        _, sums, motors_with_limits = torques.shape
+        factors = np.zeros((len(q), sums + accelerations, motors_with_limits + accelerations))
+        factors[:, :sums, :motors_with_limits] = torques
+        factors[:, sums:, motors_with_limits:] = size * np.eye(accelerations)
         return factors
 
     def speeds(self, q: Array, va: Array) -> Array:
-        """Parts of the limits of rates, shape (N, 2 motors); without limits zeros, shape (N, 1).
+        """Rates of the motors by their limits, shape (N, 2 motors); zeros, (N, 1), without limits.
 
-        Each motor has its rate divided by its least rate, then by its largest one: at most 1.
+        Each motor has two entries: its rate divided by its least rate, which is negative, and by
+        its largest rate. The motion keeps the limits if no entry exceeds 1.
         """
         if self.rates is None:
             return np.zeros((len(q), 1))
-        parts = self.chain.motor_rates(q, va)[:, :, None] / self.rates
-        return parts.reshape(len(q), -1)
+        rates_by_limits = self.chain.motor_rates(q, va)[:, :, None] / self.rates
+        return rates_by_limits.reshape(len(q), -1)
 
     def used(self, q: Array, va: Array, aa: Array) -> Array:
         """The largest part of a limit that is used, shape (N,)."""
@@ -123,9 +143,10 @@ class MotorLimits:
             number_of_parts += motors
         parts = np.zeros((len(q), number_of_parts, len(coulomb)))
         if self.torques is not None and coulomb.any():
-            # Friction f of a joint or line with the rate r = R va is the force R^T f along the
-            # coordinates. The smallest torques for it are (J^T)^+ R^T f. Unit rates of the
-            # coordinates give J^T and R^T in rows.
+            # Let r = R va be the rates of joints and lines, and J va those of the motors. Friction
+            # f of joints and lines is the force R^T f along the coordinates, and the smallest
+            # torques for it are (J^T)^+ R^T f. The rates of motors, joints and lines for the unit
+            # rates of coordinate i are row i of J^T and R^T.
             unit_rates = np.eye(chain.degrees_of_freedom)
             J_T = chain.motor_rates(q[:, None], unit_rates)
             rates_of_joints = chain.joint_rates(q[:, None], unit_rates)
