@@ -9,6 +9,11 @@ derivatives of s. `path_forces` has the parts of the limits that the motion uses
 H. Pham and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
 analysis, IEEE Trans. Robotics 34(3), 2018, find the largest w^2(s) for d = 0; then the parts are
 linear in u and w^2. Viscous friction d w is linearized about the previous solution.
+
+- `time_optimal` is the main function. It refines the nodes at which the forces are computed.
+- `_fastest` finds the profile w^2(s) for these forces, on a grid of s that it refines.
+- `_largest_w_squared` iterates over viscous friction on one grid.
+- `_without_viscous_friction` asks toppra for the largest w^2 on the grid.
 """
 
 from __future__ import annotations
@@ -27,27 +32,29 @@ from .path_forces import Parts, PathForces
 from .path_limits import MARGIN, MotorLimits
 from .smooth_path import SmoothPath
 
-#: Number of intervals at whose ends the dynamics is computed first.
+#: Number of intervals between the first nodes, at which the dynamics is computed, and of the first
+#: grid.
 _INTERVALS = 500
-#: How often all intervals may be halved while the motion exceeds limits between their ends.
+#: How often the number of these intervals may be doubled while the motion exceeds limits.
 _HALVINGS = 4
-#: Most passes of an iteration: on finer grids, and for viscous friction.
+#: Largest number of passes of an iteration: over finer grids, and over viscous friction.
 _PASSES = 20
-#: Most pieces into which a pass divides an interval.
+#: Largest number of pieces into which a pass divides an interval of the grid.
 _PIECES = 20
-#: Places in each interval where limits are tested.
+#: Points in each interval where limits are tested, as parts of the interval.
 _TESTED = np.linspace(0, 1, 6)
-#: An interval is busy where more than this part of a limit is used: limits act on the motion there.
+#: An interval of the grid is busy if more than this part of a limit is used in it: there the limits
+#: determine the motion.
 _BUSY = 0.99
-#: Change of the used part within a busy interval that the second grid aims at. It is less than
-#: 1 - `_BUSY`, so limits are resolved where they act.
+#: A busy interval is divided into pieces in each of which the used part changes by this number. It
+#: is much less than 1 - `_BUSY`, so that busy intervals are resolved.
 _CHANGE = 8e-4
 #: The iteration for viscous friction ends when w^2 changes by less than this fraction. The grid is
 #: refined afterwards, so an exact solution on one grid is not needed.
 _CONVERGED = 1e-3
-#: Part of a limit that viscous friction may use at least in the first guess, so w is not zero.
+#: The first guess lets viscous friction use at least this part of a limit, so that w is not zero.
 _CREEP = 1e-3
-#: Largest w^2 that toppra is given, in the unit of time in which w is about one.
+#: Bound of w^2 for toppra where rates have no limits, in the unit of time in which w is about one.
 _FASTEST = 1e8
 
 
@@ -93,27 +100,29 @@ def time_optimal(
     curve = SmoothPath(chain, path)
     step = positive_number("dt", dt)
     for halvings in range(_HALVINGS + 1):
+        # `forces` are splines through the dynamics at the nodes.
         nodes = np.linspace(0, 1, _INTERVALS * 2**halvings + 1)
         forces = PathForces(limits, curve, nodes)
         profile = _fastest(forces)
         duration = profile.times[-1]
         t = np.linspace(0, duration, int(np.ceil(duration / step)) + 1)
         q, va, aa = profile.states(curve, profile.places(t))
-        # The splines of the forces are worst in the middle between their nodes.
+        # Test the limits with the dynamics, not the splines: at the samples of the result, and in
+        # the middle between nodes, where splines are least accurate.
         middles = (nodes[1:] + nodes[:-1]) / 2
-        between = limits.used(*profile.states(curve, middles))
-        if limits.used(q, va, aa).max() <= 1 and between.max() <= 1:
+        used_at_middles = limits.used(*profile.states(curve, middles))
+        if limits.used(q, va, aa).max() <= 1 and used_at_middles.max() <= 1:
             return chain.trajectory(t, q, va, aa, limits.torques_of(q, va, aa))
     raise ActuationError(
-        f"the forces along the path jump, and pass limits by {between.max() - 1:.1%} at "
-        f"{middles[between.argmax()]:.1%} of it: its samples lie on no smooth curve"
+        f"the forces along the path jump, and pass limits by {used_at_middles.max() - 1:.1%} at "
+        f"{middles[used_at_middles.argmax()]:.1%} of it: its samples lie on no smooth curve"
     )
 
 
 class _Profile(NamedTuple):
     """How fast the path is followed: u is constant between the N + 1 points of a grid.
 
-    So w^2 is linear in s between them, with the slope 2 u.
+    So w^2 is linear in s between them: d(w^2)/ds = 2 w (dw/dt) / (ds/dt) = 2 u.
     """
 
     #: Points of the grid, shape (N + 1,).
@@ -130,11 +139,13 @@ class _Profile(NamedTuple):
     def times(self) -> Array:
         """Times at which the points of the grid are passed, shape (N + 1,)."""
         w = np.sqrt(self.w_squared)
+        # With a constant u, the mean of w over the time of an interval is the mean of both ends.
         return np.append(0, np.cumsum(2 * np.diff(self.s) / (w[1:] + w[:-1])))
 
     def places(self, t: Array) -> Array:
         """The points s of the path at times t."""
         times = self.times
+        # The interval i of each time.
         i = np.clip(np.searchsorted(times, t, "right") - 1, 0, len(times) - 2)
         since = t - times[i]
         s = self.s[i] + np.sqrt(self.w_squared[i]) * since + self.u[i] * since**2 / 2
@@ -142,6 +153,7 @@ class _Profile(NamedTuple):
 
     def states(self, path: SmoothPath, s: Array) -> tuple[Array, Array, Array]:
         """q, va, aa at points of the path."""
+        # The interval i of each point.
         i = np.clip(np.searchsorted(self.s, s, "right") - 1, 0, len(self.s) - 2)
         w_squared = np.interp(s, self.s, self.w_squared)[:, None]
         u = self.u[i, None]
@@ -150,19 +162,25 @@ class _Profile(NamedTuple):
 
     def used(self, forces: PathForces) -> Array:
         """The largest part of a limit that is used, shape (tested points, N intervals)."""
-        s = self.s[:-1] + np.diff(self.s) * _TESTED[:, None]
-        w_squared = np.interp(s, self.s, self.w_squared).reshape(-1, 1)
+        tested = self.s[:-1] + np.diff(self.s) * _TESTED[:, None]  # shape (tested points, N)
+        # The points of all intervals in one row, and u and w there as columns beside the sums.
+        s = tested.ravel()
+        w_squared = np.interp(s, self.s, self.w_squared)[:, None]
         w = np.sqrt(w_squared)
         u = np.tile(self.u, len(_TESTED))[:, None]
-        parts = forces.at(s.ravel())
-        dry = np.where(w > 0, parts.dry, 0)  # at rest there is none
+        parts = forces.at(s)
+        dry = np.where(w > 0, parts.dry, 0)  # no Coulomb friction is used at rest
         sums = parts.a * u + parts.b * w_squared + parts.c + parts.d * w + dry
         used = np.maximum(sums.max(axis=1), w[:, 0] / parts.most)
-        return used.reshape(s.shape)
+        return used.reshape(tested.shape)
 
 
 def _fastest(forces: PathForces) -> _Profile:
-    """The fastest profile, on a grid that is refined until it keeps the limits."""
+    """The fastest profile, on a grid that is refined until the profile keeps the limits.
+
+    Limits are exceeded only between the points of the grid. After the first pass, intervals where
+    limits act are also divided.
+    """
     s = np.linspace(0, 1, _INTERVALS + 1)
     guess = _first_guess(s, forces) if forces.viscous else None
     for attempt in range(_PASSES):
@@ -182,7 +200,9 @@ def _fastest(forces: PathForces) -> _Profile:
 
 
 def _pieces(used: Array, exceeds: Flags) -> Array:
-    """Pieces into which intervals are divided: the more, the more one exceeds a limit.
+    """Numbers of pieces into which intervals are divided, shape (N,).
+
+    The more an interval exceeds a limit, the more pieces it gets; others stay whole.
 
     Args:
         used: The largest part of a limit that is used, shape (tested points, N).
@@ -192,15 +212,19 @@ def _pieces(used: Array, exceeds: Flags) -> Array:
 
 
 def _pieces_of_busy(used: Array) -> Array:
-    """Pieces of busy intervals, in each of which the used part changes by `_CHANGE`, shape (N,)."""
+    """Numbers of pieces in which the used part changes by `_CHANGE`; 1 if not busy, shape (N,)."""
     is_busy = used.max(axis=0) > _BUSY
     return np.where(is_busy, np.ptp(used, axis=0) / _CHANGE, 1)
 
 
 def _divided(s: Array, pieces: Array) -> Array:
-    """A grid in which each interval of s is divided into equal pieces, numbers of shape (N,)."""
-    ends = np.append(0, np.cumsum(pieces))
-    return np.interp(np.arange(ends[-1] + 1), ends, s)
+    """A grid in which each interval of s is divided into equal pieces.
+
+    `pieces` has the number of pieces of each interval, shape (N,).
+    """
+    # Numbers of the points of s among the points of the new grid.
+    numbers = np.append(0, np.cumsum(pieces))
+    return np.interp(np.arange(numbers[-1] + 1), numbers, s)
 
 
 def _first_guess(s: Array, forces: PathForces) -> Array:
@@ -241,8 +265,8 @@ def _largest_w_squared(s: Array, forces: PathForces, guess: Array | None) -> Arr
 class _IntervalLimits(NamedTuple):
     """The limits a u + b w^2 + c <= 1 - `MARGIN` in the N intervals of a grid.
 
-    u is constant in an interval, and w is that at its start. The unit of time is one in which w is
-    about one.
+    Here u is constant in an interval, and w is the rate at the start of the interval. The unit of
+    time is one in which w is about one.
 
     Attributes:
         a, b, c: Shapes (N, limits).
@@ -258,20 +282,20 @@ class _IntervalLimits(NamedTuple):
 def _interval_limits(s: Array, unit: float, parts: Parts) -> _IntervalLimits:
     """The limits at both ends of each interval, for parts without viscous friction.
 
-    u is constant in an interval of the length ds, so that w^2 grows by 2 u ds. The parts at its end
-    are, by u and by w at its start,
+    u is constant in an interval of the length ds, so that w^2 grows by 2 u ds. With the parts a, b
+    and c at the end of the interval, and w at its start, the limits at the end are on
 
         a u + b (w^2 + 2 u ds) + c = (a + 2 ds b) u + b w^2 + c.
 
-    This is the interpolation scheme of H. Pham and Q.-C. Pham. Both ends have the larger Coulomb
-    friction of the two.
+    This is the interpolation scheme of H. Pham and Q.-C. Pham. Coulomb friction is added to c. Both
+    ends have the larger friction of the two.
     """
     a = parts.a / unit**2
     b = parts.b / unit**2
     c = parts.c
     dry = parts.dry.copy()
-    dry[[0, -1]] = 0.0  # at rest there is none
-    dry = np.maximum(dry[:-1], dry[1:])
+    dry[[0, -1]] = 0.0  # no Coulomb friction is used at rest
+    dry = np.maximum(dry[:-1], dry[1:])  # of both ends
     a_at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
     return _IntervalLimits(
         a=np.hstack([a[:-1], a_at_end]),
@@ -295,7 +319,11 @@ def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
     limits = _interval_limits(s, unit, parts)
 
     class Limits(LinearConstraint):  # type: ignore[misc]
-        """F (a u + b w^2 + c) <= g and 0 <= w^2 <= bounds at each point, as toppra asks for it."""
+        """F (a u + b w^2 + c) <= g and bounds of w^2 at each point, in the form of toppra.
+
+        toppra needs them at the N + 1 points of the grid. The last point starts no interval; it has
+        the limits of the last interval.
+        """
 
         def __init__(self) -> None:
             super().__init__()
@@ -307,17 +335,12 @@ def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
             g = np.full(k, 1 - MARGIN)
             bounds_of_u = None
             bounds_of_w_squared = np.column_stack([np.zeros_like(s), limits.largest_w_squared])
-            return (
-                _with_last_repeated(limits.a),
-                _with_last_repeated(limits.b),
-                _with_last_repeated(limits.c),
-                F,
-                g,
-                bounds_of_u,
-                bounds_of_w_squared,
-            )
+            a = np.vstack([limits.a, limits.a[-1]])
+            b = np.vstack([limits.b, limits.b[-1]])
+            c = np.vstack([limits.c, limits.c[-1]])
+            return a, b, c, F, g, bounds_of_u, bounds_of_w_squared
 
-    # toppra asks for a path, but all that it uses of it is in the limits.
+    # toppra requires a path object, but all that matters of the path is in the limits.
     line = SplineInterpolator([0.0, 1.0], [[0.0], [1.0]])
     solver = TOPPRA([Limits()], line, gridpoints=s, solver_wrapper="seidel")
     _, w, _, K = solver.compute_parameterization(0.0, 0.0, return_data=True)
@@ -327,8 +350,3 @@ def _without_viscous_friction(s: Array, unit: float, parts: Parts) -> Array:
         at = f" beyond {lost.max():.0%} of it" if lost.size else ""
         raise ActuationError(f"the limits allow no motion from rest to rest along the path{at}")
     return np.asarray((w / unit) ** 2)
-
-
-def _with_last_repeated(rows: Array) -> Array:
-    """Rows of the intervals for the points of the grid: the last point has the last interval's."""
-    return np.vstack([rows, rows[-1]])
