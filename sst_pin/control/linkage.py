@@ -37,20 +37,22 @@ _LAST_STEP = 1e-12
 class _MotorCoordinates(NamedTuple):
     """A robot whose first coordinates are the joints of some motors.
 
-    A motion along these coordinates also passes dead points of the other joints.
+    A motion along these coordinates, unlike one along the joints of the linkage, can pass a dead
+    point: a configuration such as that of a crank in line with its rod, where a motor turns and the
+    joint of the linkage stands still.
     """
 
     chain: ClosedChain
     #: Numbers of these motors among the motors of a `Linkage`, in the order of the coordinates.
     motors: list[int]
-    #: Rate of each of these motors by the rate of its joint.
+    #: Rate of each of these motors divided by the rate of its joint.
     ratios: Array
 
     def moved(self, q: Array, distance: Array) -> Array:
         """The configuration after all motors of the linkage move by distances, shape (motors,)."""
         step = np.zeros(self.chain.degrees_of_freedom)
         step[: len(self.motors)] = distance[self.motors] / self.ratios
-        return self.chain.engine.reference.moved(q, step)
+        return self.chain.engine.moved(q, step)
 
 
 class Linkage:
@@ -72,9 +74,9 @@ class Linkage:
         rates = space.rates_of(self.joints)
         others = _coordinates_beside(chain, rates)
         self.chain = chain.with_coordinates([*self.joints, *others])
-        coordinates = self.chain.mechanism.coordinates
+        coordinates = self.chain.mechanism.coordinates.tolist()
         #: Numbers of the joints among the coordinates.
-        self._joint_columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
+        self._joint_columns = np.array([coordinates.index(rate) for rate in rates])
 
         # The motors that move with the joints.
         J = self._unitless_jacobian()
@@ -83,14 +85,17 @@ class Linkage:
         self._motor_rows = np.flatnonzero(moves_with_joints)
         self._motor_units = chain.mechanism.motor_scale[self._motor_rows]
         self.motors = tuple(self.chain.motor_names[k] for k in self._motor_rows)
-        self._require_held(J)
-        self._require_own_motors(J)
+        # Which other coordinates these motors move too, shape (motors, coordinates).
+        moves_others = np.abs(J[self._motor_rows]) > RANK_TOLERANCE
+        moves_others[:, self._joint_columns] = False
+        self._require_held(J, moves_others)
+        self._require_own_motors(moves_others)
 
         # A joint without limits is a cosine and a sine in q, so no position has its name.
         is_endless = ~np.isin(space.rate_names, space.position_names)
         factors = np.abs(chain.mechanism.actuation[:, self._motor_rows])
-        #: How far each motor moves in a full turn of its joint without limits, after which the
-        #: robot is in the same configuration; 0 for motors of other joints.
+        #: How far each motor moves in a full turn of its joint, if the joint has no limits: then
+        #: the robot is in the same configuration again. 0 for motors of joints with limits.
         self._motor_turns = 2 * np.pi * factors.T @ is_endless
 
     def _unitless_jacobian(self) -> Array:
@@ -103,27 +108,19 @@ class Linkage:
         units_of_coordinates = mechanism.rate_scale[mechanism.coordinates]
         return np.asarray(J / mechanism.motor_scale[:, None] * units_of_coordinates)
 
-    def _coordinates_of_motors(self, J: Array) -> Flags:
-        """Which other coordinates the motors of the joints move too, shape (motors, coordinates).
-
-        J is that of `_unitless_jacobian`.
-        """
-        moves = np.abs(J[self._motor_rows]) > RANK_TOLERANCE
-        moves[:, self._joint_columns] = False
-        return moves
-
-    def _require_held(self, J: Array) -> None:
-        """Raise an error if joints, or coordinates that move with their motors, are free.
+    def _require_held(self, J: Array, moves_others: Flags) -> None:
+        """Raise an error if joints, or other coordinates that their motors move, are free.
 
         A coordinate is free if it can move while all motors are fixed: if the null space of J, the
-        Jacobian of `_unitless_jacobian`, has an entry for it.
+        Jacobian of `_unitless_jacobian`, has an entry for it. `moves_others` says which other
+        coordinates each motor moves, shape (motors, coordinates).
         """
         names = self.chain.mechanism.coordinate_rate_names
         motors = ", ".join(self.motors)
         _, sizes, Vt = np.linalg.svd(J)
         null_space = Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]
         is_free = np.abs(null_space).max(axis=0, initial=0.0) > RANK_TOLERANCE
-        others = np.flatnonzero(self._coordinates_of_motors(J).any(axis=0))
+        others = np.flatnonzero(moves_others.any(axis=0))
         free_others = [names[k] for k in others if is_free[k]]
         if free_others:
             cure = f"give a motor to {', '.join(free_others)}, "
@@ -134,11 +131,11 @@ class Linkage:
             joints = ", ".join(free_joints)
             raise ActuationError(f"the motors {motors or '(none)'} do not hold the joints {joints}")
 
-    def _require_own_motors(self, J: Array) -> None:
+    def _require_own_motors(self, moves_others: Flags) -> None:
         """Raise an error if a motor of the joints also moves with other coordinates."""
         names = self.chain.mechanism.coordinate_rate_names
-        for row, k in np.argwhere(self._coordinates_of_motors(J)):
-            problem = f"motor {self.motors[row]} also moves with {names[k]}"
+        for motor, coordinate in np.argwhere(moves_others):
+            problem = f"motor {self.motors[motor]} also moves with {names[coordinate]}"
             raise InputError("joints", f"{problem}: name all joints of its linkage")
 
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
@@ -185,6 +182,8 @@ class Linkage:
                 q = self._by_newton(first, distance)
             else:
                 q = motor_coordinates.moved(first, distance)
+            # Newton's method converges quadratically, so the distance is far below this root, or
+            # the method has not converged.
             error = self._distance_to(q, target) / self._motor_units
             if np.abs(error).max() > np.sqrt(_LAST_STEP):
                 raise WorkspaceError(
@@ -217,9 +216,9 @@ class Linkage:
 
     @cached_property
     def _motor_coordinates(self) -> _MotorCoordinates | None:
-        """The robot with the motors' own joints as coordinates.
+        """The robot with the joints in which the motors are as coordinates.
 
-        None if a motor moves several joints or a line.
+        None if a motor acts on several joints or on a line.
         """
         mechanism = self.chain.mechanism
         B = mechanism.actuation[:, self._motor_rows]
@@ -227,14 +226,15 @@ class Linkage:
         is_in_one_joint = np.count_nonzero(B, axis=0) == 1
         if is_on_line or not is_in_one_joint.all():
             return None
-        # Of surplus motors, the first ones that are independent; the others follow them.
+        # There may be more motors than joints: take the first motors that are independent. The
+        # others follow them.
         J = self.actuator_jacobian(self.chain.generic_configuration())
         J = J / self._motor_units[:, None]
         motors: list[int] = []
         for k in range(len(J)):
             if np.linalg.matrix_rank(J[[*motors, k]], tol=RANK_TOLERANCE) > len(motors):
                 motors.append(k)
-        rates = np.abs(B[:, motors]).argmax(axis=0)
+        rates = np.abs(B[:, motors]).argmax(axis=0)  # the only nonzero entry of each column
         joints_of_motors = [mechanism.space.rate_names[k] for k in rates]
         others = [name for name in self.chain.coordinates if name not in self.joints]
         chain = self.chain.with_coordinates([*joints_of_motors, *others])
