@@ -186,7 +186,7 @@ def reach_map(
     zero_rates = np.zeros(chain.degrees_of_freedom)
     # This call raises an ActuationError if the motors do not hold all coordinates.
     chain.compute_torques(q_start, zero_rates, zero_rates)
-    # A: the prescribed twist of the frame is A times the rates of the motors.
+    # The prescribed twist of the frame at the start is A_start times the rates of the motors.
     A_start = _motion_by_motors(chain, q_start, frame, grid)
     guide = _motor_guide(chain, frame, grid)
     start_pose = guide.pose(q_start)
@@ -203,10 +203,9 @@ def reach_map(
     reached = why == REACHED
     q_reached = q[reached]
 
-    # Conditioning there.
+    # Conditioning and holding torques there.
     A = _motion_by_motors(chain, q_reached, frame, grid)
     _warn_of_thin_map(A, grid.tangents()[reached], grid)
-
     holding = _holding(chain, q_reached, frame, load, limits)
     motors = columns_of("tau", chain.motor_names, chain.motor_units)
     joints = columns_of("q", chain.position_names, chain.position_units)
@@ -251,11 +250,11 @@ def _on_grid(reached: Flags, values: Array) -> Array:
 
 
 def _motion_by_motors(chain: ClosedChain, q: Array, frame: str, grid: PoseGrid) -> Array:
-    """A: the frame's prescribed twist is A times the rates of the motors, shape (..., c, motors).
+    """A, shape (..., c, motors): the frame's c prescribed velocities are A times the motors' rates.
 
     Both are free of units: lengths are divided by the robot's length, rates of motors by
-    `motor_scale`. A is the transpose of G, with the motors' torques G w for a wrench w on the
-    frame, because both have the same power.
+    `motor_scale`. Before this division A is the transpose of G, where a wrench w on the frame takes
+    the torques G w: the wrench and the torques have the same power.
     """
     mechanism = chain.mechanism
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
@@ -269,7 +268,7 @@ def _motor_guide(chain: ClosedChain, frame: str, grid: PoseGrid) -> FrameGuide:
     unit_rates = np.eye(mechanism.model.nv)
 
     def motor_rates(q: Array) -> Array:
-        """Derivatives of the motors' rates by the rates of all joints, free of units."""
+        """The motors' rates by the rates of all joints, free of units, shape (motors, nv)."""
         on_lines = chain.engine.line_rates(q, unit_rates) @ mechanism.lines.actuation
         per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
         return np.asarray((mechanism.actuation + on_lines).T * per_unit)
@@ -334,8 +333,9 @@ def _warn_of_thin_map(A: Array, tangents: Array, grid: PoseGrid) -> None:
 def _conditions(A: Array) -> Array:
     """Condition numbers of matrices, shape (N, c, motors); very large where one loses rank.
 
-    Components in which the frame can move in no pose do not count: if r is the largest rank of all
-    matrices, the result is the first singular value over the r-th one.
+    Directions in which the frame moves in no pose do not count, such as rotations about x and y of
+    a planar robot. If r is the largest rank of all matrices, the result is the first singular value
+    divided by the r-th one.
     """
     s = np.linalg.svd(A, compute_uv=False)
     largest_rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
