@@ -27,14 +27,15 @@ OUT_OF_REACH = 3
 CUT_OFF = 4
 #: Words for these codes.
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
-#: Number of grid points that are tried from the start: the corners of the cell around it.
+#: Number of grid points that are tried from the start: the nearest ones, usually the corners of the
+#: cell around it.
 _CORNERS = 4
-#: The shortest step to a pose, as a part of the path to it.
+#: The shortest step on the path to a pose, as a part of this path; see `FrameGuide.follow`.
 _SHORTEST = 2**-6
 
 
 class _Attempt(NamedTuple):
-    """A motion to a point of the grid, from a configuration with closed loops."""
+    """A motion from a configuration q with closed loops to the pose at a point of the grid."""
 
     q: Array
     point: tuple[int, int]
@@ -93,7 +94,7 @@ def reached_from(
 
 
 def _nearest_points(start_point: Array, shape: tuple[int, int]) -> list[tuple[int, int]]:
-    """The corners of the cell of the grid around a point, the nearest first."""
+    """The points of the grid that are nearest to a point, at most `_CORNERS`, nearest first."""
     distances = np.linalg.norm(np.indices(shape) - start_point[:, None, None], axis=0)
     in_order = np.argsort(distances, axis=None, kind="stable")
     points = []
