@@ -5,14 +5,14 @@ The part of a torque in its limits is the torque normalised to the range from -1
 
     p = (2 tau - largest - least) / (largest - least).
 
-With surplus motors, tau may have any preload, tau + N x, with the directions N, in columns, and any
-x. The parts become p + D x, with D = 2 N / (largest - least).
+Surplus motors can add a preload N x to tau, with any x. The k columns of N are the directions of
+preload. The parts become p + D x, with D = 2 N / (largest - least).
 
-A sum c^T p does not depend on the preload if c^T D = 0. For each choice of k + 1 motors, with k
-directions, there is one such c, whose entries are minors of D. By Farkas' lemma, a preload that
-keeps all |p| <= 1 exists if and only if |c^T p| <= sum of |c_i| for each of these c. So limits of
-torques become limits of these sums, in which the preload does not appear. Here c are called
-factors.
+A sum c^T p does not depend on the preload if c^T D = 0. For each choice of k + 1 motors there is
+one such c that is zero for all other motors; its entries are minors of D. By Farkas' lemma, a
+preload that keeps all |p| <= 1 exists if and only if |c^T p| <= sum of |c_i| for each of these c.
+So limits of torques become limits of these sums, in which the preload does not appear. The entries
+of c are called the factors of a sum.
 """
 
 import itertools
@@ -31,7 +31,7 @@ _ZERO = 1e-6
 
 
 def part_of(tau: Array, limits: Array) -> Array:
-    """Parts p of torques, shape (..., motors), in limits, shape (motors, 2)."""
+    """Parts p of torques, shape (..., motors), in their limits, shape (motors, 2)."""
     return (2 * tau - limits.sum(axis=1)) / np.ptp(limits, axis=1)
 
 
@@ -73,12 +73,12 @@ def normalised(sums: Array, factors: Array) -> Array:
 def largest_part(tau: Array, directions: Array, limits: Array) -> Array:
     """The largest part of a motor's limits that torques take with the best preload, shape (...).
 
-    More than 1 is more than the motors can give.
+    Above 1 the motors cannot give the torques.
     """
     sums = sums_of(factors_of_sums(directions, limits), part_of(tau, limits))
     return np.abs(sums).max(axis=-1, initial=0.0)
 
 
 def motors_of(chain: ClosedChain, factors: Array) -> list[str]:
-    """Names of the motors that a combination joins, by its factors, shape (motors,)."""
+    """Names of the motors in a sum, by its factors, shape (motors,)."""
     return [chain.motor_names[k] for k in np.flatnonzero(factors)]
