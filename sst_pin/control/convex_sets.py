@@ -11,7 +11,7 @@ from ..arrays import Array
 def hull(points: Array) -> Array:
     """Corners of the convex hull of points, shape (N, k): for k = 2 in order around it.
 
-    The first corner is the first of the points that is one; for k = 1 the least comes first.
+    The first corner is the one that comes first among the points; for k = 1 it is the least one.
     """
     from scipy.spatial import ConvexHull
 
@@ -32,11 +32,14 @@ def corners_of_inequalities(A: Array, b: Array) -> Array:
     """
     from scipy.spatial import ConvexHull
 
-    # The points p = A_i / b_i are the dual set. A facet n . p = d of its hull, with d > 0, has n .
-    # p <= d for all p. So x = n / d keeps all inequalities, with equality for the points of the
-    # facet: it is a corner (polarity of convex polytopes).
+    # With the dual points p_i = A_i / b_i, the inequalities are p_i . x <= 1. Each facet of the
+    # hull of the dual points has a normal n and a distance d > 0 from the origin: n . p = d for the
+    # points of the facet, and n . p <= d for all points. So x = n / d satisfies all inequalities,
+    # those of the facet with equality: x is a corner (polarity of convex polytopes).
     dual_points = A / b[:, None]
     if A.shape[1] == 1:
-        return 1 / hull(dual_points)
-    facets = ConvexHull(dual_points).equations  # rows n, -d
-    return hull(-facets[:, :-1] / facets[:, -1:])
+        return 1 / hull(dual_points)  # facets are the least and the largest dual point
+    equations = ConvexHull(dual_points).equations  # each row is [n, -d]
+    n = equations[:, :-1]
+    d = -equations[:, -1:]
+    return hull(n / d)
