@@ -30,7 +30,7 @@ class SmoothPath:
         x = coordinate_positions(chain.mechanism, q)
         self._require_small_turns(q, x)
 
-        # Repeated samples are left out: they have no direction.
+        # Repeated samples are left out: the path has no direction there.
         scale = chain.mechanism.rate_scale[chain.mechanism.coordinates]
         steps = np.linalg.norm(np.diff(x, axis=0) / scale, axis=1)
         moving = np.append(True, steps > _SHORTEST_STEP * steps.sum())
@@ -48,13 +48,16 @@ class SmoothPath:
     def _require_small_turns(self, q: Array, x: Array) -> None:
         """Refuse samples between which the direction of a turn is not known.
 
-        The angles x are those of q, unwrapped: each step goes the shorter way round. This is right
-        where the angles of q lie within one turn and jump at its end. Then the steps in x are
-        small, and jumps are rare. It is wrong where a joint turns by more than half a turn from
-        sample to sample. Then the steps in x are large too, or one jump follows the other.
+        x has the angles of q, unwrapped: each step goes the shorter way round. An angle of q that
+        jumps by a full turn between two samples has one of two causes:
+
+        - The angles of q are kept within one turn. Then the shorter way is right, the steps in x
+          are small, and jumps are rare.
+        - A joint turns by more than half a turn from sample to sample. Then the shorter way is
+          wrong, and the steps in x are large too, or one jump follows the other.
         """
         full_turns = x - positions_of(self._space, q, self._chain.coordinates)
-        jumps = np.abs(np.diff(full_turns, axis=0)) > 1
+        jumps = np.abs(np.diff(full_turns, axis=0)) > 1  # the difference is 2 pi or 0
         is_large = np.abs(np.diff(x, axis=0)) > np.pi / 2
         jumps_twice = jumps[1:] & jumps[:-1]
         if (jumps & is_large).any() or jumps_twice.any():
@@ -81,8 +84,13 @@ class SmoothPath:
 
 
 def _require_no_return(x: Array, samples: Indices) -> None:
-    """Refuse a path that turns back; x has no units, `samples` are the numbers of its rows."""
+    """Refuse a path that turns back.
+
+    x has positions of the coordinates, free of units, shape (N, n). `samples` has the numbers of
+    these samples in the path of the caller, shape (N,).
+    """
     steps = np.diff(x, axis=0)
+    # The path turns back where two steps have an angle of more than 90 degrees.
     returns = np.flatnonzero((steps[1:] * steps[:-1]).sum(axis=1) < 0)
     if len(returns):
         sample = samples[returns[0] + 1]
