@@ -2,9 +2,14 @@
 """Forces and accelerations of a frame in a pose that the motor torques allow.
 
 J is the Jacobian of the frame, J_a the Jacobian of the motors, both by the rates of the
-coordinates. A force w on the frame gives the forces J^T w along the coordinates; torques tau give
-J_a^T tau. So w needs the torques G w, with the smallest G for which J_a^T G = J^T. Torques tau also
-add A tau to the acceleration of the frame due to gravity and rates.
+coordinates. A force w on the frame gives the forces J^T w along the coordinates, and torques tau
+give J_a^T tau. So w acts like the torques G w, where G is the smallest solution of J_a^T G = J^T.
+A frame that exerts w needs these torques. The acceleration of the frame is A tau plus the one
+without torques, which is due to gravity and rates.
+
+An ellipsoid shows what all torques with sum (tau_k / limit_k)^2 <= 1 give, a polytope what all
+torques within the limits give. With `turning`, moments replace forces, and angular accelerations
+replace linear ones.
 
 T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research 4(2), 1985; P.
 Chiacchio et al., Force polytope and force ellipsoid for redundant manipulators, J. Robotic Systems
@@ -73,10 +78,10 @@ def force_ellipsoid(
     """
     require_robot("chain", chain)
     largest = _largest_torques(chain, torques)
-    # A force along axis k takes torques, in multiples of the largest ones, s_k times as large. So
-    # the axis with the smallest s_k is the longest.
     G = _torques_of_forces(chain, q, frame, turning, largest).G
     s, axes = _singular_values(G.mT)
+    # A force f along axis k takes torques of the size s_k |f|, in multiples of the largest torques.
+    # This is at most 1, so that the ellipsoid has the size 1 / s_k. The largest size is the last.
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
     return Ellipsoid(np.zeros(sizes.shape), sizes[..., ::-1], axes[..., ::-1, :])
@@ -109,7 +114,8 @@ def force_polytope(
     require_robot("chain", chain)
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = finite_limits(torques, len(chain.motor_names), "torques")
-    # The parts of the limits that holding the robot takes, as sums that no preload changes.
+    # The parts of the limits that holding the robot takes, as sums that no preload changes: see
+    # `motor_limits`. The motors keep their limits if all sums are between -1 and 1.
     zero = np.zeros(chain.degrees_of_freedom)
     factors = factors_of_sums(chain.preload_directions(single), limits)
     sums = sums_of(factors, part_of(chain.compute_torques(single, zero, zero), limits))
@@ -117,8 +123,8 @@ def force_polytope(
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
 
-    # Forces x along the directions in which the frame can move change the sums by C x. A part
-    # changes by 2 / (largest - least) for each unit of a torque.
+    # Let x be the components of a force along the directions in which the frame can move. It
+    # changes the sums by C x. A part changes by 2 / (largest - least) for each unit of a torque.
     map_of_forces = _torques_of_forces(chain, single, frame, turning)
     directions = _range(map_of_forces.J)  # in rows
     if not len(directions):
@@ -126,11 +132,11 @@ def force_polytope(
         raise InputError("frame", f"{frame} cannot {kind}: the structure carries all forces on it")
     torques_of_x = map_of_forces.G @ directions.T
     parts_of_x = 2 / np.ptp(limits, axis=1)[:, None] * torques_of_x
-    C = sums_of(factors, parts_of_x.T).T
+    C = sums_of(factors, parts_of_x.T).T  # `sums_of` takes the parts for each component in a row
     if np.linalg.matrix_rank(C, RANK_TOLERANCE * np.abs(C).max(initial=0.0)) < len(directions):
         raise SingularConfigurationError("forces of the frame take no torques", np.inf)
 
-    # The sums stay between -1 and 1: sums + C x <= 1, and -sums - C x <= 1.
+    # The sums stay between -1 and 1: C x <= 1 - sums, and -C x <= 1 + sums.
     A = np.vstack([C, -C])
     b = np.concatenate([1 - sums, 1 + sums])
     return corners_of_inequalities(A, b) @ directions
@@ -182,9 +188,11 @@ def acceleration_polytope(
     if len(limits) > 16:
         raise InputError("chain", f"{len(limits)} motors have too many corners")
     center, A = _accelerations_by_torques(chain, single, va, frame, turning)
-    corners = np.array(list(product(*limits)))  # all combinations of least and largest torques
-    moving = _range(A)
-    return hull(corners @ A.T @ moving.T) @ moving + center
+    torques_at_corners = np.array(list(product(*limits)))  # all combinations of least and largest
+    # Components along the directions in which torques accelerate the frame.
+    directions = _range(A)  # in rows
+    components = torques_at_corners @ A.T @ directions.T
+    return hull(components) @ directions + center
 
 
 def _largest_torques(chain: ClosedChain, torques: ArrayLike) -> Array:
@@ -205,21 +213,21 @@ def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
 
 
 def _rows(turning: bool) -> slice:
-    """The angular or the linear rows of a frame's Jacobian."""
+    """The angular rows of a frame's Jacobian with `turning`, or else the linear rows."""
     require_flags(turning=turning)
     return slice(3, 6) if turning else slice(0, 3)
 
 
 def torques_of_wrenches(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
-    """G: [force; moment] w on the frame takes the torques G w, shape (..., motors, 6)."""
+    """G, shape (..., motors, 6): a wrench w on the frame acts like the torques G w."""
     return np.asarray(np.linalg.pinv(chain.actuator_jacobian(q).mT) @ _jacobian(chain, q, frame).mT)
 
 
 class _MapOfForces(NamedTuple):
-    """Forces or moments w on a frame take the torques G w; see the module.
+    """G for forces or moments w on a frame, which act like the torques G w; see the module.
 
     Attributes:
-        G: In multiples of some torques, shape (..., motors, 3).
+        G: Torques in multiples of unit torques, by w, shape (..., motors, 3).
         J: Linear or angular rows of the frame's Jacobian, shape (..., 3, n).
     """
 
@@ -234,21 +242,23 @@ def _torques_of_forces(
     turning: bool,
     unit_torques: Array | float = 1.0,
 ) -> _MapOfForces:
-    """G in multiples of unit torques, shape (motors,) or (); the sum of their squares is the least.
+    """G for unit torques of the motors, shape (motors,) or ().
 
-    Refuses forces that move coordinates which no motor holds.
+    G gives the torques whose multiples of the unit torques have the least sum of squares. Forces
+    that move coordinates which no motor holds are refused.
     """
     mechanism = chain.mechanism
     J = _jacobian(chain, q, frame)[..., _rows(turning), :]
-    A = (chain.actuator_jacobian(q) * np.reshape(unit_torques, (-1, 1))).mT
-    G = np.asarray(np.linalg.pinv(A) @ J.mT)
-    # What the motors leave of the forces along the coordinates, free of units.
+    # Forces along the coordinates by multiples of the unit torques, shape (..., n, motors).
+    J_a_T = (chain.actuator_jacobian(q) * np.reshape(unit_torques, (-1, 1))).mT
+    G = np.asarray(np.linalg.pinv(J_a_T) @ J.mT)
+    # What the motors do not supply of the forces along the coordinates, free of units.
     units = mechanism.rate_scale[mechanism.coordinates, None]
     forces = np.abs(J.mT) * units
-    unsupplied = np.abs(J.mT - A @ G) * units
+    unsupplied = np.abs(J.mT - J_a_T @ G) * units
     is_unsupplied = unsupplied > UNSUPPLIED * forces.max(axis=(-1, -2), keepdims=True)
     if is_unsupplied.any():
-        loose = is_unsupplied.any(axis=-1)
+        loose = is_unsupplied.any(axis=-1)  # coordinates of each configuration, (..., n)
         names = [mechanism.coordinate_rate_names[k] for k in np.argwhere(loose)[:, -1]]
         problem = f"no motor holds {listed(list(dict.fromkeys(names)))}"
         error = ActuationError(f"{problem}, which a force on {frame} moves")
@@ -259,7 +269,7 @@ def _torques_of_forces(
 def _accelerations_by_torques(
     chain: ClosedChain, q: ArrayLike, va: ArrayLike | None, frame: str, turning: bool
 ) -> tuple[Array, Array]:
-    """Accelerations of a frame without torques, shape (..., 3), and by each, (..., 3, motors)."""
+    """The acceleration of a frame without torques, (..., 3), and A by torques, (..., 3, motors)."""
     n = chain.degrees_of_freedom
     motors = len(chain.motor_names)
     configurations = finite_array("q", q, (chain.mechanism.model.nq,))
@@ -275,7 +285,10 @@ def _accelerations_by_torques(
 
 
 def _singular_values(A: Array) -> tuple[Array, Array]:
-    """Three singular values of matrices (..., 3, k), the largest first, and directions in rows."""
+    """Three singular values of matrices (..., 3, k), the largest first, and directions in rows.
+
+    For k < 3 the last singular values are zero.
+    """
     U, sizes, _ = np.linalg.svd(A)
     missing = np.zeros((*sizes.shape[:-1], 3 - sizes.shape[-1]))
     return np.concatenate([sizes, missing], axis=-1), U.mT
