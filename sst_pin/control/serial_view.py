@@ -68,7 +68,7 @@ class SerialView(Linkage):
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         require_robot("chain", chain)
         super().__init__(chain, joints)
-        #: The same robot with massless serial bodies: what is left are the linkages.
+        #: The same robot without the masses of the serial tree: what is left are the linkages.
         self._linkages = self.chain.with_model(_without_serial_bodies(self.chain))
 
     def compile(self) -> None:
@@ -113,15 +113,16 @@ class SerialView(Linkage):
 
     def damping(self, q: ArrayLike) -> Array:
         """Damping matrix of viscous friction and dampers in `chain.coordinates`, (..., n, n)."""
-        # Rates of joints and lines for a unit rate of each coordinate, in rows.
+        # Rates of joints and lines for the unit rate of coordinate i, in row i: L^T and L_lines^T.
         q_for_rates = self._configurations(q)[..., None, :]
-        v = self.chain.joint_rates(q_for_rates, np.eye(self.chain.degrees_of_freedom))
-        lines = self.chain.engine.line_rates(q_for_rates, v)
+        L_T = self.chain.joint_rates(q_for_rates, np.eye(self.chain.degrees_of_freedom))
+        L_lines_T = self.chain.engine.line_rates(q_for_rates, L_T)
         if self.chain.mechanism.lines.pull_only.any():
             problem = "not defined with cables that only pull: they damp only where they are taut"
             raise InputError("damping", problem)
-        by_joints = (v * self.chain.friction.viscous) @ v.mT
-        by_lines = (lines * self.chain.mechanism.lines.damping) @ lines.mT
+        # L^T diag(viscous) L, and the same for the lines.
+        by_joints = (L_T * self.chain.friction.viscous) @ L_T.mT
+        by_lines = (L_lines_T * self.chain.mechanism.lines.damping) @ L_lines_T.mT
         return by_joints + by_lines
 
     def torque_polygon(self, q: ArrayLike, limits: ArrayLike | None = None) -> Array:
@@ -150,7 +151,7 @@ class SerialView(Linkage):
             polygons = [hull(points) for points in at_joints.reshape(-1, *at_joints.shape[-2:])]
         except QhullError:
             raise SingularConfigurationError("the motors do not hold all joints", np.inf) from None
-        # Polygons with fewer corners than others repeat the last one.
+        # All have the same number of corners: shorter ones repeat the last corner.
         most = max(map(len, polygons), default=0)
         padded = []
         for polygon in polygons:
@@ -162,6 +163,7 @@ class SerialView(Linkage):
         """Least and largest torques of the motors, shape (motors, 2)."""
         if limits is not None:
             return limits_of(finite_array("limits", limits, ()), len(self.motors))
+        # The model has limits of joints. A motor that drives one joint 1:1 has the same limits.
         B = self.chain.mechanism.actuation[:, self._motor_rows]
         is_direct = (np.count_nonzero(B, axis=0) == 1) & (np.abs(B).sum(axis=0) == 1)
         effort = np.abs(B).T @ self.chain.mechanism.model.effortLimit
@@ -182,8 +184,8 @@ class SerialView(Linkage):
         Raises:
             InputError: For a wrong shape, or tau where a motor is on a line.
         """
-        # Near the set point, at a distance dx of the joints, the motors give tau - k J dx, and the
-        # joints J^T (tau - k J dx). The gain is minus the slope of this by dx.
+        # With the joints at a distance dx from the set point, the motors give tau - k J dx. At the
+        # joints this is J^T (tau - k J dx). The gain is minus the derivative of this by dx.
         J = self.actuator_jacobian(q)
         K = J.mT @ _matrix(gains, len(self.motors)) @ J
         return K if tau is None else K - self._slope(q, tau)
@@ -212,9 +214,13 @@ class SerialView(Linkage):
     def _slope(self, q: ArrayLike, tau: ArrayLike) -> Array:
         """Derivatives of J^T tau by the joints' positions, shape (..., joints, joints).
 
-        At constant rates x of the joints, motor m has the acceleration a_m(x) = x^T J_m' x, see Eq.
-        (20), where J_m' has the derivatives of row m of J and is symmetric. Its entries follow from
-        rates along two joints: 2 J_m'[i, j] = a_m(e_i + e_j) - a_m(e_i) - a_m(e_j).
+        They are the sum of tau_m H_m over the motors m. The matrix H_m has the derivatives of row m
+        of J by the positions of the joints. It is symmetric, as the row has the first derivatives
+        of the position of the motor. At constant rates x of the joints, the motor has the
+        acceleration a_m(x) = x^T H_m x, Eq. (20). So the entries of H_m follow from accelerations,
+        with unit vectors e_i:
+
+            2 H_m[i, j] = a_m(e_i + e_j) - a_m(e_i) - a_m(e_j).
         """
         mechanism = self.chain.mechanism
         if mechanism.lines.actuation[:, self._motor_rows].any():
@@ -222,32 +228,37 @@ class SerialView(Linkage):
         k = len(self.joints)
         n = self.chain.degrees_of_freedom
         tau = finite_array("tau", tau, (len(self.motors),))
-        rates = np.zeros((k, k, n))  # e_i + e_j
+        # The rates e_i + e_j of the joints, for each pair i, j; other coordinates do not move.
+        rates = np.zeros((k, k, n))
         rates[..., self._joint_columns] = np.eye(k)[:, None] + np.eye(k)
         q_for_pairs = self._configurations(q)[..., None, None, :]
         accelerations = self.chain.joint_accelerations(q_for_pairs, rates, np.zeros(n))
+        # a_m(e_i + e_j), shape (..., i, j, m).
         a_of_sums = accelerations @ mechanism.actuation[:, self._motor_rows]
-        a_of_single = np.einsum("...iim->...im", a_of_sums) / 4  # of e_i: the diagonal has 2 e_i
-        slope = (a_of_sums - a_of_single[..., :, None, :] - a_of_single[..., None, :, :]) / 2
-        return np.einsum("...ijm,...m->...ij", slope, tau)
+        # a_m(e_i), shape (..., i, m): the diagonal i = j has a_m(2 e_i) = 4 a_m(e_i).
+        a_of_single = np.einsum("...iim->...im", a_of_sums) / 4
+        H = (a_of_sums - a_of_single[..., :, None, :] - a_of_single[..., None, :, :]) / 2
+        # The sum of tau_m H_m.
+        return np.einsum("...ijm,...m->...ij", H, tau)
 
 
 def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
-    """The model without the mass and armature of the bodies that only coordinates carry.
+    """The model without the mass and armature of the bodies of the serial tree.
 
-    What is left are the bodies of the linkages: cranks, rods and rotors.
+    The serial tree has each body whose supporting joints, from the base on, are all coordinates.
+    The other bodies are those of the linkages: cranks, rods and rotors.
     """
     mechanism = chain.mechanism
     model = pin.Model(mechanism.model)
     coordinates = set(mechanism.coordinates.tolist())
     armature = model.armature.copy()
     for i in range(1, model.njoints):
-        carriers = [model.joints[j] for j in list(model.supports[i])[1:]]
-        rates_of_carriers = set[int]()
-        for joint in carriers:
-            rates_of_carriers.update(range(joint.idx_v, joint.idx_v + joint.nv))
-        if rates_of_carriers <= coordinates:
-            joint_of_body = carriers[-1]
+        rates_of_supports = set[int]()
+        for j in list(model.supports[i])[1:]:  # without the base
+            joint = model.joints[j]
+            rates_of_supports.update(range(joint.idx_v, joint.idx_v + joint.nv))
+        if rates_of_supports <= coordinates:
+            joint_of_body = model.joints[i]
             model.inertias[i] = pin.Inertia.Zero()
             armature[joint_of_body.idx_v : joint_of_body.idx_v + joint_of_body.nv] = 0
     model.armature = armature
@@ -255,13 +266,13 @@ def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
 
 
 def _mapped(matrices: NDArray[np.floating[Any]], name: str, vectors: ArrayLike) -> Array:
-    """Matrices, shape (..., i, j), times vectors of a name, shape (..., j)."""
-    rows = finite_array(name, vectors, (matrices.shape[-1],))
-    return np.einsum("...ij,...j->...i", matrices, rows)
+    """Matrices, shape (..., i, j), times vectors, shape (..., j), of the argument `name`."""
+    array = finite_array(name, vectors, (matrices.shape[-1],))
+    return np.einsum("...ij,...j->...i", matrices, array)
 
 
 def _matrix(gains: ArrayLike, size: int) -> Array:
-    """Gains as a matrix."""
+    """Gains, shape (size,) or (size, size), as a matrix."""
     matrix = finite_array("gains", gains, ())
     if matrix.shape == (size,):
         return np.diag(matrix)
