@@ -27,7 +27,7 @@ class _Sample(NamedTuple):
     Attributes:
         t: Time, [s].
         momentum: M va, shape (n,).
-        known_forces: Rate of the momentum due to all that the model knows but the motors, (n,).
+        known_forces: Rate of the momentum by the model, without the motors and f, shape (n,).
         J: Actuator Jacobian, shape (motors, n).
     """
 
@@ -41,10 +41,10 @@ class ForceObserver:
     """The momentum observer: forces along the coordinates that motors and model do not explain.
 
     The momentum p = M va changes by motors, weights, friction, springs and Coriolis forces, which
-    the model knows, and by other forces f. The observer integrates the first and compares: its
-    estimate r obeys r' = gain (f - r), so it follows a step of f with the time constant 1 / gain.
-    It needs no accelerations (De Luca and Mattone 2003). Errors of the model, above all of
-    friction, appear in r as forces.
+    the model knows, and by other forces f. The change of p between two samples, minus the effect of
+    the known forces, gives the mean of f. The estimate r is f after a low-pass filter, r' = gain (f
+    - r), so it follows a step of f with the time constant 1 / gain. It needs no accelerations (De
+    Luca and Mattone 2003). Errors of the model, above all of friction, appear in r as forces.
 
     Between two samples, r follows the exact solution for a constant f, so any period is stable.
 
@@ -98,12 +98,12 @@ class ForceObserver:
         configuration = single_array("q", q, (chain.mechanism.model.nq,))
         sample = self._sample(time, configuration, rates)
         if last is not None:
-            # The mean of f in the period: the mean rate of the momentum less all that is known.
+            # The mean of f in the period is the mean rate of the momentum minus the known rates.
             dt = time - last.t
             known_forces = (last.known_forces + sample.known_forces) / 2
             motor_forces = (last.J + sample.J).T @ torques / 2
             f = (sample.momentum - last.momentum) / dt - (known_forces + motor_forces)
-            # The solution of r' = gain (f - r) at the end of the period.
+            # The solution of r' = gain (f - r) at the end of the period, for a constant f.
             decay = np.exp(-self.gain * dt)
             self._estimate = decay * self._estimate + (1 - decay) * f
         self._last = sample
@@ -166,7 +166,7 @@ class ForceObserver:
             q: Configuration, shape (nq,).
             forces: Forces along the coordinates, such as an estimate, shape (n,).
             frame: Name of the frame that is touched.
-            components: Those that may act, of fx, fy, fz, mx, my, mz; others are zero.
+            components: The components that may act, of fx, fy, fz, mx, my, mz; others are zero.
 
         Raises:
             InputError: If the coordinates cannot distinguish these components.
@@ -188,7 +188,8 @@ class ForceObserver:
         chosen = [_COMPONENTS.index(word) for word in dict.fromkeys(words)]
         mechanism = chain.mechanism
         J = np.asarray(chain.frame_jacobian(single_array("q", q, (mechanism.model.nq,)), frame))
-        # Free of units: forces times the length of the robot are like moments.
+        # The equations J^T w = f, free of units: A x = unit f with x = size w. The size of a force
+        # is the length of the robot, so that all entries of x are like moments.
         size = np.repeat([mechanism.length, 1.0], 3)[chosen]
         unit = mechanism.rate_scale[mechanism.coordinates]
         A = (J[chosen] / size[:, None] * unit).T
