@@ -42,7 +42,7 @@ class _Errors(NamedTuple):
 class Controller(ABC):
     """A robot's model, the motion to follow and limits of torques: the base of all controllers.
 
-    Before and after the motion, its first and last configurations are held.
+    Before and after the motion, its first or last configuration is held.
 
     Args:
         chain: The model of the robot; its motors must hold all coordinates, each of which turns
@@ -233,17 +233,19 @@ class TrackingLQR(Controller):
         cost = _weights("Q", Q, 2 * n, 0.0)
         effort = _weights("R", R, motors, _DEFINITE)
         A, B = chain.linearize(motion.q, motion.va, motion.tau, dt=float(steps.mean()))
+        # x^T P x is the least cost of all that follows a sample with the state x. After the motion,
+        # the robot is held at its last sample.
         try:
             P = solve_discrete_are(A[-1], B[-1], cost, effort)
         except LinAlgError:
             raise InputError("Q", "no linear feedback holds the end of the motion") from None
-        # Riccati's equation from the end of the motion to its start. The gain K is that of the
-        # state x = actual - desired, so the torques change by -K x = K (errors).
+        # Riccati's equation from the end of the motion to its start: u = -K x has the least cost.
+        # With errors = desired - actual = -x, the feedback is K errors.
         self.gains = np.empty((len(motion), motors, 2 * n))
         for k in reversed(range(len(motion))):
             K = np.linalg.solve(effort + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
             P = cost + A[k].T @ P @ (A[k] - B[k] @ K)
-            P = (P + P.T) / 2  # rounding must not grow
+            P = (P + P.T) / 2  # P is symmetric; without this, rounding would grow
             self.gains[k] = K
         self._gains_at = make_interp_spline(motion.t, self.gains, k=1)
         self._torques_of_motion = spline(motion.t, motion.tau)
@@ -265,7 +267,10 @@ class TrackingLQR(Controller):
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:
-    """A symmetric matrix of weights; no eigenvalue is below `least` times the largest."""
+    """The matrix of weights, shape (size, size), of a matrix or its diagonal.
+
+    It must be symmetric, without an eigenvalue below `least` times the largest.
+    """
     weights = finite_array(name, value, ())
     matrix = np.diag(weights) if weights.shape == (size,) else weights
     if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
