@@ -148,6 +148,7 @@ class _Profile(NamedTuple):
         # The interval i of each time.
         i = np.clip(np.searchsorted(times, t, "right") - 1, 0, len(times) - 2)
         since = t - times[i]
+        # u is constant: s = s_i + w_i t + u t^2 / 2.
         s = self.s[i] + np.sqrt(self.w_squared[i]) * since + self.u[i] * since**2 / 2
         return np.clip(s, self.s[i], self.s[i + 1])
 
@@ -186,6 +187,7 @@ def _fastest(forces: PathForces) -> _Profile:
     for attempt in range(_PASSES):
         profile = _Profile(s, _largest_w_squared(s, forces, guess))
         used = profile.used(forces)
+        # At the points of the grid, at most 1 - MARGIN is used; between them, more may be used.
         exceeds = used.max(axis=0) > 1 - MARGIN / 4
         if attempt > 0 and not exceeds.any():
             break
@@ -202,7 +204,8 @@ def _fastest(forces: PathForces) -> _Profile:
 def _pieces(used: Array, exceeds: Flags) -> Array:
     """Numbers of pieces into which intervals are divided, shape (N,).
 
-    The more an interval exceeds a limit, the more pieces it gets; others stay whole.
+    An interval that exceeds a limit gets two pieces, and one more for each `MARGIN` beyond the
+    limit. The others stay whole.
 
     Args:
         used: The largest part of a limit that is used, shape (tested points, N).
@@ -250,7 +253,7 @@ def _largest_w_squared(s: Array, forces: PathForces, guess: Array | None) -> Arr
         return _without_viscous_friction(s, forces.unit, parts)
     w_squared = guess
     for _ in range(_PASSES):
-        # d w is linear in w^2 about the last solution w_0: d w = d w_0 / 2 + d / (2 w_0) w^2.
+        # Taylor's series of d w in w^2 about the last solution w_0: d w_0 / 2 + d / (2 w_0) w^2.
         w_0 = np.sqrt(w_squared)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(w_0 > 0, parts.d / (2 * w_0), 0)
