@@ -276,8 +276,8 @@ def _mean_signs_by_signs(v: Array) -> Array:
 def _mean_sign_by_sign(v: Array, end: Array) -> Array:
     """The mean of sign(x), where x changes linearly from v to an end e, divided by sign(v).
 
-    The mean is (|e| - |v|) / (e - v), because d|x|/dx = sign(x). Where v is zero or does not
-    change, the quotient is 1.
+    The mean is (|e| - |v|) / (e - v), because d|x|/dx = sign(x). Where v does not change, the
+    result is 1. Where v is zero, so is the column of the regressor, and any factor serves.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (np.abs(end) - np.abs(v)) / (end - v) * np.sign(v)
