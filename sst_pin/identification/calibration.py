@@ -101,7 +101,7 @@ class Calibration(Summary):
     def _urdf(self, urdf: str | Path, folder: Path) -> str:
         """The URDF that the robot was read from, for a folder, with calibrated origins."""
         mechanism = self.chain.mechanism
-        errors_of_robot = dict[str, float]()
+        errors_of_robot = dict[str, float]()  # without those of measuring systems
         for name, value in zip(self.names, self.values, strict=True):
             place = name.rpartition(".")[0]
             if place not in self.placements:
@@ -224,19 +224,20 @@ def calibrate_with(
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")
     counts = [measurement.count(len(chain.coordinates)) for measurement in systems]
 
-    # The measured configurations of the robot as drawn. Where the base or the target of a measuring
-    # system is unknown, the robot gets a frame for it: `carriers` has the names of these frames.
+    # The measured configurations of the robot as drawn, which gets a frame where the base or the
+    # target of a measuring system is unknown.
     q_of_systems = []
     for measurement in systems:
         x = np.asarray(measurement.x, dtype=float)
         q_of_systems.append(_configurations(chain, x, measurement.start))
     drawn = with_systems(chain, systems, q_of_systems)
+    frames_of_systems = list(drawn.carriers)
     q = np.concatenate(q_of_systems)
 
     # The same robot with a joint for each error. Errors of measuring systems come first.
-    errors_of_systems = error_names(drawn.carriers)
+    errors_of_systems = error_names(frames_of_systems)
     errors_of_robot = considered_errors(
-        drawn.chain, list(frames_of(systems)), which, urdf, drawn.carriers
+        drawn.chain, list(frames_of(systems)), which, urdf, frames_of_systems
     )
     enlarged = _enlarged(drawn.chain, [*errors_of_systems, *errors_of_robot], q, which)
 
@@ -254,7 +255,7 @@ def calibrate_with(
         covariance=estimate.root @ estimate.root.T,
         noise=estimate.noise,
         hidden=tuple(name for name in enlarged.errors if name not in values),
-        chain=_calibrated(chain, displacements, values, drawn.carriers),
+        chain=_calibrated(chain, displacements, values, frames_of_systems),
         placements=drawn.placements(displacements),
     )
 

@@ -34,20 +34,21 @@ from .least_squares import solved
 
 #: Most steps of Newton's method.
 _STEPS = 30
-#: The method has converged if no error changes by more.
+#: The method has converged if a step changes no error by more than this.
 _CONVERGED = 1e-9
 #: If the method has not converged, its result is still accepted if the last step is at most this
 #: part of the standard deviation of each error: then the noise limits the accuracy.
 _UNSURE = 0.01
 #: Least ratio of the noises of two kinds: a smaller one is rounding.
 _LEAST_NOISE = 1e-4
-#: Least noise: that of values which are exact but for their rounding.
+#: Least noise: the rounding of exact values.
 _EXACT = 1e-13
 #: Degrees of freedom that must be left to estimate a noise.
 _LEAST_FREEDOM = 0.5
 #: Probability of a warning although the noise that the caller states is true.
 _FALSE_ALARM = 1e-6
-#: Farther from the robot as drawn, in its lengths, a value has another unit or another base.
+#: A value that is farther from the robot as drawn, in lengths of the robot, has another unit or is
+#: measured from another base.
 _FAR = 10.0
 _TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
 
@@ -62,7 +63,7 @@ class KindEquations(NamedTuple):
     Attributes:
         z: Measured minus computed values, shape (rows,).
         A: Derivatives of the computed values by the errors, shape (rows, k).
-        unit: The unit of the values, [m] or [rad].
+        unit: The unit by which values were divided: the robot's length, [m], or 1 rad.
         stated_noise: Standard deviation that the caller states; None to estimate it.
     """
 
