@@ -467,8 +467,12 @@ class _Rolling:
         r = self._radius
         up_dot = self._up_rate(of_a, of_b)
         c_dot = self._pair.d_dot(v) - r * up_dot
-        at_b = of_b.acceleration
-        at_b = at_b - ca.cross(of_b.alpha, r * self._up) - ca.cross(of_b.omega, r * up_dot)
+        # The rate of each term of the slip; that of omega_A x c has two terms.
+        at_b = (
+            of_b.acceleration
+            - ca.cross(of_b.alpha, r * self._up)
+            - ca.cross(of_b.omega, r * up_dot)
+        )
         at_a = of_a.acceleration + ca.cross(of_a.alpha, self._c)
         return at_b - at_a - ca.cross(of_a.omega, c_dot)
 
@@ -490,9 +494,8 @@ class _EqualOrientation:
     one. R_XY is the rotation that takes vectors from the axes of link Y to those of link X.
 
     The rows are the components of Phi v along the axes of link C. Any axes would do; these give
-    short expressions. C is the parent of B if the joint between them is revolute. Then the axis of
-    this joint is constant in C, and the axis of the joint before C is constant too. Otherwise C is
-    B itself.
+    short expressions. C is the parent of B if the joint between them is revolute. Then this joint
+    and the joint of C have axes that are constant in C. Otherwise C is B itself.
 
     Phi and the acceleration need the rotation R_CA. In a closed loop both frames have the same
     axes. So R_CA depends on no joint of the branch from the base to A:

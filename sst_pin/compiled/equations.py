@@ -7,9 +7,9 @@ Phi_u are the columns of Phi for va and v_u. The closures Phi v = 0 determine th
     Phi_u v_u = -Phi_a va.
 
 Phi_u is factorised once (`loop_factors`). The factors solve for rates, for accelerations and, with
-the transposed matrix, for the multipliers Lambda of the closures. Along the dependent rates, the
-forces Phi^T Lambda of the closures are equal to given forces tau. Along the coordinates they differ
-from tau by L^T tau:
+the transposed matrix, for the multipliers Lambda of the closures. Let tau be forces along v. Lambda
+is chosen so that tau - Phi^T Lambda is zero along the dependent rates. Because L^T Phi^T is zero,
+L^T tau is what is left of this difference along the coordinates:
 
     Phi_u^T Lambda = tau_u,   L^T tau = tau_a - Phi_a^T Lambda.
 

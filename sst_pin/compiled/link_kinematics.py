@@ -384,9 +384,10 @@ class Kinematics:
             needed: The wrench that each link needs.
         """
         tau: Sparse = {}
-        pairs = zip(self.tree.links, self.joint_wrenches(needed), strict=True)
-        for link, wrench in reversed(list(pairs)):
-            tau = add(tau, sparse(link.v, sx(link.S).T @ wrench))
+        wrenches = self.joint_wrenches(needed)
+        for i in range(len(wrenches) - 1, -1, -1):
+            link = self.tree.links[i]
+            tau = add(tau, sparse(link.v, sx(link.S).T @ wrenches[i]))
         return tau
 
 
