@@ -77,7 +77,7 @@ class Compiled:
         mj = self.mj
         if self.motors_carry_weights:  # `mjcf_unread` refuses it
             return None
-        moving = mj.body_weldid > 0
+        moving = mj.body_weldid > 0  # 0 for bodies that are fixed to the world
         shares = set(self.body_gravcomp[moving & (mj.body_mass > 0)].tolist())
         return shares.pop() if len(shares) == 1 else None
 

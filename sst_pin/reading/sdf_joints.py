@@ -272,7 +272,7 @@ class _JointReader:
 
     def _hinge(
         self, joints: Sequence[GraphJoint], gear: ET.Element, tag: str, *, body: str, link: str
-    ) -> "_Hinge | None":
+    ) -> _Hinge | None:
         """The hinge between a link and a body about an axis of a gear box; None without one."""
         gear_frame = self._model.frames.pose_in_model(gear.get("name", ""))
         gear_axis = gear_frame.rotation @ self._direction(gear, tag)

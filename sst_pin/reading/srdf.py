@@ -161,7 +161,10 @@ def _value(model: pin.Model, joints: Collection[str], joint: str, text: str) -> 
 
 
 def configuration(model: pin.Model, values: Mapping[str, ArrayLike]) -> Array:
-    """The configuration with values of some joints, the others neutral."""
+    """The configuration with the values of some joints; the other joints are neutral.
+
+    Values of joints that the model does not have, such as fixed joints, are left out.
+    """
     q = pin.neutral(model)
     for joint in list(model.joints)[1:]:
         entries = slice(joint.idx_q, joint.idx_q + joint.nq)

@@ -24,8 +24,8 @@ _MAX_DEPTH = 50
 #: How much a bracket changes the depth of what follows it.
 _DEPTH_CHANGE = {"[": 1, "{": 1, "]": -1, "}": -1}
 
-#: The key that is proposed for an unknown key of the same meaning, which may be the name of an
-#: argument of `ClosedChain`.
+#: Known keys, by unknown keys that mean the same. An error about the unknown key proposes the known
+#: one. Some of the unknown keys are arguments of `ClosedChain`.
 _SAME_MEANING = {
     "closures": "closed_loop",
     "lines": "line_force",
@@ -38,8 +38,8 @@ _SAME_MEANING = {
     "damping": "viscous_friction",
     "limits": "joint_limit",
 }
-#: The same for unknown keys in one entry of the file, such as one contact. Keys are proposed only
-#: where the entry can have them.
+#: The same for unknown keys in one entry of the file, such as one contact. A known key is proposed
+#: only if the entry can have it: `rope` in place of `frames` only in a rope.
 _SAME_MEANING_IN_ENTRY = {
     "frame_a": "frames",
     "frame_b": "frames",
