@@ -115,6 +115,23 @@ def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[
     yield from _sizes(root, bodies)
 
 
+def _body_problem(body: _Body, where: str, moves: bool) -> Iterator[Problem]:
+    """A problem of the mass and the inertia of a link, here or in other tools; at most one."""
+    if body.mass < 0:
+        return  # `urdf_checks` reports it
+    reason = impossible(body.mass, body.inertia)
+    if reason:
+        yield warning(where, reason)
+    elif moves and body.mass == 0:
+        yield note(where, "moves without mass: refused by MuJoCo")
+    elif moves and not body.inertia.any():
+        yield note(where, "moves, has mass but no inertia: refused by MuJoCo")
+    elif body.mass and not body.inertia.any():
+        yield note(where, "has mass but no inertia")
+    elif moves and _principal_moments(body.inertia)[0] <= 0:
+        yield note(where, "moves, a principal moment of its inertia is 0: refused by MuJoCo")
+
+
 #: Largest ratio of the masses of moving links; beyond it, half of the digits are lost.
 _MAX_MASS_RATIO = 1e8
 
@@ -164,20 +181,3 @@ def _sizes(root: ET.Element, bodies: Mapping[str, _Body]) -> Iterator[Problem]:
             continue
         text = f"{distance}, but a radius of gyration of {radius:.3g} m"
         yield warning(f"link {name}", f"{text}; URDF needs m, kg and kg m^2")
-
-
-def _body_problem(body: _Body, where: str, moves: bool) -> Iterator[Problem]:
-    """A problem of the mass and the inertia of a link, here or in other tools; at most one."""
-    if body.mass < 0:
-        return  # `urdf_checks` reports it
-    reason = impossible(body.mass, body.inertia)
-    if reason:
-        yield warning(where, reason)
-    elif moves and body.mass == 0:
-        yield note(where, "moves without mass: refused by MuJoCo")
-    elif moves and not body.inertia.any():
-        yield note(where, "moves, has mass but no inertia: refused by MuJoCo")
-    elif body.mass and not body.inertia.any():
-        yield note(where, "has mass but no inertia")
-    elif moves and _principal_moments(body.inertia)[0] <= 0:
-        yield note(where, "moves, a principal moment of its inertia is 0: refused by MuJoCo")
