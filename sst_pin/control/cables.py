@@ -12,7 +12,7 @@ from ..engine import require_robot
 from ..errors import InputError
 from ..summaries import listed
 
-#: Tensions that are less negative, relative to the largest, are rounding of zero.
+#: A tension down to minus this part of the largest tension is rounding of zero.
 _SLACK = 1e-9
 
 
@@ -54,10 +54,11 @@ def unstretched_lengths(
         raise InputError("chain", f"the motors {listed(others)} are no cables: each acts on a line")
     stiffness = one_or_each("stiffness_times_length", stiffness_times_length, motors)
     torques = finite_array("tau", tau, (motors,))
+    # The force in a line is its factor times the torque of its motor. A positive force pushes.
     factors = mechanism.lines.actuation[line_of, np.arange(motors)]
-    tensions = -torques * factors  # a positive force pushes
+    tensions = -torques * factors
     least = -_SLACK * np.abs(tensions).max(initial=0.0)
-    pushes = (tensions < least).reshape(-1, motors).any(axis=0)
+    pushes = (tensions < least).reshape(-1, motors).any(axis=0)  # in any configuration
     if pushes.any():
         names = [chain.motor_names[k] for k in np.flatnonzero(pushes)]
         raise InputError(
