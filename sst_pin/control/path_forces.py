@@ -32,7 +32,7 @@ from .path_limits import MARGIN, MotorLimits
 from .smooth_path import SmoothPath
 
 #: A rate w at which inertia forces are much larger than friction, as w^2 is far above w. The forces
-#: at w and -w give b and d: with half of the 16 digits each, since w^2 = 1e8.
+#: at w and -w then give b and d with at least eight of 16 digits, since w^2 = 1e8.
 _FAST = 1e4
 #: A joint counts as resting if its rate is below this fraction of the largest joint rate. 1e-8 is
 #: the square root of the rounding error: splines of the rates are not exactly zero.
