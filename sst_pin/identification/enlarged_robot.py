@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A robot with a joint for each error of its geometry.
 
-An error is a displacement of a place, a joint or a frame, from where it is drawn: "elbow.x" along
-the x axis of the link that carries the place, "elbow.rz" about the z axis of the place; or it is an
-error of the length of a rod, a `Distance` closure: "a - b.length". The enlarged robot has a slide
-or a hinge for each error, which is at zero in the robot as drawn. The Jacobian of a frame by the
-rates of these joints, with closed loops, has the derivatives of the frame's pose by the errors.
+There are three kinds of errors. A place is a joint or a frame.
+
+    "elbow.x"       displaces the place elbow along the x axis of the link that carries it
+    "elbow.rz"      turns the place elbow about its own z axis
+    "a - b.length"  changes the length of the rod, a `Distance` closure, between the frames a and b
+
+The enlarged robot has a slide or a hinge for each error, which is at zero in the robot as drawn.
+With closed loops, the Jacobian of a frame by the rates of these joints has the derivatives of the
+frame's pose by the errors.
 """
 
 from __future__ import annotations
