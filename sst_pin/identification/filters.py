@@ -47,7 +47,8 @@ def noise_correlations(every: int) -> Array:
     """Correlations of filtered noise in samples of `decimated` that are 1, 2, ... apart."""
     if every == 1:
         return np.empty(0)
-    # Filtered white noise has the autocorrelation of the filter's impulse response.
+    # Filtered white noise has the autocorrelation of the filter's impulse response. In the result
+    # of `correlate`, entry len(response) - 1 is that of lag 0.
     impulse = np.zeros(2 * _MEMORY * every + 1)
     impulse[_MEMORY * every] = 1.0
     response = lowpass(impulse, _ANTI_ALIASING / every)

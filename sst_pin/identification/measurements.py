@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A log of positions and torques as a motion: filtered, differentiated, decimated."""
+"""A log of positions and torques as a motion of a robot.
+
+`measured_motion` does this in steps: the log is interpolated at even times (`_even_log`), outliers
+are replaced, positions and torques are filtered, and the positions are differentiated.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +31,9 @@ from .outliers import require_few_replaced, without_outliers
 
 #: The start of names of torques in `MeasuredMotion.replaced`.
 _TORQUE = "torque of "
-#: A cut-off above this, in periods per sample, does not filter.
+#: No filter is needed for a cut-off above this, in periods per sample: samples show up to 0.5.
 _NO_FILTER = 0.45
-#: Part of a period of the cut-off for which samples may be replaced in a row.
+#: Samples in a row may be replaced for this part of a period of the cut-off frequency.
 _BRIDGED = 0.25
 
 
@@ -107,6 +111,7 @@ def measured_motion(
     log = _even_log(chain, t, x, tau, cutoff)
     period = 1 / cutoff
     count = whole_number("decimate", decimate, 1)
+    # Samples of the result in a period of the cut-off frequency.
     per_period = 2 if count == 1 else count
     if per_period * cutoff > log.rate * (1 + 1e-9):  # but for rounding of the times
         problem = f"{per_period} samples in a period of {cutoff:g} Hz"
@@ -125,8 +130,9 @@ def measured_motion(
     longest = _BRIDGED * period
     require_few_replaced(names, is_torque.tolist(), log.t[inside], replaced[inside], longest)
 
-    # Torques: filtered as the positions, or against aliasing only, since `estimate` with `decimate`
-    # filters torques and regressor alike.
+    # Torques. Without `decimate` they are filtered as the positions. With it, `estimate` filters
+    # the torques and the regressor alike, so here the torques are only filtered against aliasing:
+    # the cut-off is half the sampling rate of the result, in periods per sample of the log.
     if count == 1:
         torques = cleaned.smooth[:, n:]
     else:
@@ -149,8 +155,9 @@ def measured_motion(
 class _Log(NamedTuple):
     """A log at even times."""
 
-    #: Times, shape (N,), [s], and their number in a second, [Hz].
+    #: Times, shape (N,), [s].
     t: Array
+    #: Sampling rate, [Hz].
     rate: float
     #: Positions of the coordinates, then torques of the motors, shape (N, n + motors).
     values: Array
