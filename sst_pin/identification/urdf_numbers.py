@@ -66,7 +66,10 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
 
 
 def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
-    """The text that `write_urdf` writes to a folder, read back and compared."""
+    """The text that `write_urdf` writes to a folder.
+
+    It is read back: a warning names the parameters that then differ from those of the robot.
+    """
     source = Urdf.read(urdf)
     root = source.root
     model = chain.mechanism.model
@@ -125,6 +128,7 @@ def _partly_locked_joints(root: ET.Element, model: pin.Model) -> dict[str, list[
         series = _series(joint, links, model)
         if not series or series == [name]:
             continue
+        # The names NAME_X and NAME_Y of a universal joint end with capitals.
         is_universal = len(series) > 1 and not series[0].removeprefix(f"{name}_").islower()
         if not is_universal:
             partly_locked[name] = series
