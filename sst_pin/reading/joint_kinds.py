@@ -69,19 +69,20 @@ def with_kinds(
     changes = {model.getJointId(name): Series.named(parts) for name, parts in parts_of.items()}
     result = rebuilt(model, changes).model
     for name, parts in parts_of.items():
-        replaced = model.joints[model.getJointId(name)]
+        old_joint = model.joints[model.getJointId(name)]
         for suffix in parts:
             part = result.joints[result.getJointId(name + suffix)]
             rates = slice(part.idx_v, part.idx_v + part.nv)
-            result.damping[rates] = model.damping[replaced.idx_v]
-            result.friction[rates] = model.friction[replaced.idx_v]
-            for rate, axis in enumerate(_axes(suffix), start=part.idx_v):  # each rate with its axis
+            result.damping[rates] = model.damping[old_joint.idx_v]
+            result.friction[rates] = model.friction[old_joint.idx_v]
+            # Each rate of the part with the axis about which it turns.
+            for rate, axis in enumerate(_axes(suffix), start=part.idx_v):
                 sense = _sense(root, name, axis)
                 if sense:
-                    result.effortLimit[rate] = model.effortLimit[replaced.idx_v]
-                    result.velocityLimit[rate] = model.velocityLimit[replaced.idx_v]
+                    result.effortLimit[rate] = model.effortLimit[old_joint.idx_v]
+                    result.velocityLimit[rate] = model.velocityLimit[old_joint.idx_v]
                     if part.nq == 1:  # no ball, which has no limits of its position
-                        _put_position_limits(result, part, model, replaced, sense)
+                        _put_position_limits(result, part, model, old_joint, sense)
     return result
 
 
@@ -131,14 +132,14 @@ def _sense(root: ET.Element, name: str, axis_name: str) -> int:
 
 
 def _put_position_limits(
-    result: pin.Model, part: Any, model: pin.Model, replaced: Any, sense: int
+    result: pin.Model, part: Any, model: pin.Model, old_joint: Any, sense: int
 ) -> None:
-    """Give a part of `result` the limits of the position that the replaced joint has in `model`.
+    """Give a part of `result` the position limits of the joint of `model` that it replaces.
 
     If the part turns against the axis, with the sense -1, its position has the opposite sign.
     """
-    limit_1 = sense * model.lowerPositionLimit[replaced.idx_q]
-    limit_2 = sense * model.upperPositionLimit[replaced.idx_q]
+    limit_1 = sense * model.lowerPositionLimit[old_joint.idx_q]
+    limit_2 = sense * model.upperPositionLimit[old_joint.idx_q]
     result.lowerPositionLimit[part.idx_q] = min(limit_1, limit_2)
     result.upperPositionLimit[part.idx_q] = max(limit_1, limit_2)
 

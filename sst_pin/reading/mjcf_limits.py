@@ -28,9 +28,9 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
             if compiled.is_spatial(target):
                 efforts_of_lines[name] = _effort(compiled, f"tendon {name}", force_range)
                 continue
-            unused = _larger_side(force_range)
-            if np.isfinite(unused):
-                text = f"the limit {unused:g} of its motor is not used: it acts on several joints"
+            largest = _larger_side(force_range)
+            if np.isfinite(largest):
+                text = f"the limit {largest:g} of its motor is not used: it acts on several joints"
                 compiled.notes.append(f"tendon {name}: {text}")
     return efforts_of_lines
 
