@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""All commands with their options; the module that runs a command is imported when it runs."""
+"""All commands with their options, and `run`, which runs one of them.
+
+The function of a command has the command's name, in the module that `COMMANDS` gives. The module is
+imported when the command runs, so that `--help` is quick.
+"""
 
 import sys
 import warnings
@@ -18,7 +22,9 @@ _ROBOT = option("--robot ROBOT", _FILES)
 _MODEL = option("--model NAME", "the model of an SDF with several that move")
 _FORCE = option("--force", "replace existing files")
 _STRICT = option("--strict", "refuse what the robot cannot execute; exit code 1")
-_WHICH = "*.m*,*.i*,*.viscous,*.coulomb"
+#: Parameters that `identify` considers by default: masses and first moments (mass, mx, ...),
+#: moments of inertia (ixx, ...) and friction. Those of lines are added.
+PATTERNS = "*.m*,*.i*,*.viscous,*.coulomb"
 _TABLE = option("-o, --output FILE", ".csv or .npz; - writes CSV", Path, required=True)
 
 COMMANDS = (
@@ -149,7 +155,7 @@ COMMANDS = (
         option("-o, --output FILE", "Markdown, a picture beside it", Path, required=True),
         _FORCE,
         option("--cutoff HZ", "cut-off frequency of the low-pass filter", float, required=True),
-        option("--which NAMES", f"patterns with commas (default: {_WHICH}, and lines)"),
+        option("--which NAMES", f"patterns with commas (default: {PATTERNS}, and lines)"),
         option("--masses BODY=KG,..", "known masses, by the joint of the body", named_numbers),
         option("--decimate N", "filter, and use one of N samples (default: up to 10)", int),
         option("--robust", "let outliers count less"),
@@ -172,7 +178,7 @@ COMMANDS = (
     ),
     Command("robots", "robot_commands", "the names of the gallery, for --robot"),
 )
-#: Other words for commands, and what replaces commands that were removed.
+#: What to use instead of a word that is not a command: a synonym, or the name of a removed command.
 _SUGGESTIONS = {
     **dict.fromkeys(("info", "mobility", "check"), "sst-pin validate"),
     "run": "sst-pin simulate",
@@ -187,32 +193,41 @@ _SUGGESTIONS = {
 
 
 def run(argv: Sequence[str] | None) -> int:
-    """Run the command that the arguments ask for; see `main`."""
-    typed = sys.argv[1:] if argv is None else list(argv)
+    """Run the command that the arguments ask for; returns the exit code, as `main` does."""
+    words_of_user = sys.argv[1:] if argv is None else list(argv)
+    parser = _parser()
+    # The command is the first word that is not an option.
+    name = next((word for word in words_of_user if not word.startswith("-")), None)
+    names = [command.name for command in COMMANDS]
+    if name is not None and name not in names:
+        parser.exit(2, f"sst-pin: error: no command {name!r}; {_suggestion(name, names)}\n")
+    arguments = parser.parse_args(words_of_user)
+    if name is None:
+        print(parser.format_help(), end="")
+        return 0
+    module = import_module(f".{arguments.command.module}", __package__)
+    function = getattr(module, arguments.command.name)
+    try:
+        with warnings.catch_warnings():
+            # A line on standard output already says that a motion stops early.
+            warnings.simplefilter("ignore", SingularityWarning)
+            # By default Python shows a warning of one place only once.
+            warnings.simplefilter("always", DescriptionWarning)
+            warnings.showwarning = lambda message, *_, **__: tell("warning", message)
+            return function(arguments) or 0
+    except SSTError as error:
+        tell("error", " ".join(str(error).split()))
+        return 2
+
+
+def _parser() -> Parser:
+    """The parser of all commands."""
     text = "Dynamics of closed-chain robots: torques, simulation, figures, checks."
     parser = Parser(prog="sst-pin", usage="sst-pin COMMAND [OPTIONS]", description=text)
     parser.epilog = "`sst-pin COMMAND --help` shows the options of a command."
     parser.add([(["--version"], {"action": "version", "version": __version__})])
     parser.add_commands(COMMANDS)
-    name = next((word for word in typed if not word.startswith("-")), None)
-    names = [command.name for command in COMMANDS]
-    if name is not None and name not in names:
-        parser.exit(2, f"sst-pin: error: no command {name!r}; {_suggestion(name, names)}\n")
-    arguments = parser.parse_args(typed)
-    if name is None:
-        print(parser.format_help(), end="")
-        return 0
-    module = import_module(f".{arguments.command.module}", __package__)
-    try:
-        with warnings.catch_warnings():
-            # A line on standard output already says that a motion stops early.
-            warnings.simplefilter("ignore", SingularityWarning)
-            warnings.simplefilter("always", DescriptionWarning)  # else only once per process
-            warnings.showwarning = lambda message, *_, **__: tell("warning", message)
-            return getattr(module, arguments.command.name)(arguments) or 0
-    except SSTError as error:
-        tell("error", " ".join(str(error).split()))
-        return 2
+    return parser
 
 
 def tell(kind: str, message: object) -> None:

@@ -5,7 +5,6 @@ import argparse
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +17,10 @@ from ..identification.urdf_numbers import with_dynamics
 from ..reading import cuts_beside, is_mjcf
 from ..simulation.motion_files import read_log
 from . import common
+from .commands import PATTERNS
+
+#: The largest decimation that is chosen by default.
+_LARGEST_DECIMATION = 10
 
 
 def identify(arguments: argparse.Namespace) -> int:
@@ -35,14 +38,17 @@ def identify(arguments: argparse.Namespace) -> int:
     robot = _with_masses(common.robot_of(arguments), masses)
 
     # The log as a motion.
-    log = _read(arguments, robot)
+    log = read_log(robot.engine, common.source_of(arguments.log))
+    decimate = arguments.decimate
+    if decimate is None:
+        decimate = _decimation(log.t, arguments.cutoff)
     motion = identification.measured_motion(
         robot,
         log.t,
         log.x,
         log.tau,
         cutoff=arguments.cutoff,
-        decimate=log.decimate,
+        decimate=decimate,
         start=log.start,
     )
     end_of_fit = 2 * len(motion) // 3
@@ -59,7 +65,7 @@ def identify(arguments: argparse.Namespace) -> int:
         fitted.aa,
         fitted.tau,
         robust=arguments.robust,
-        decimate=log.decimate,  # as above, so that torques and regressor pass the same filter
+        decimate=decimate,  # as above, so that torques and regressor pass the same filter
     )
     theta = identification.consistent_parameters(robot, estimate)
 
@@ -104,34 +110,16 @@ def _urdf_of_robot(arguments: argparse.Namespace) -> Path | None:
     return urdf
 
 
-#: The largest decimation that is chosen by default.
-_LARGEST_DECIMATION = 10
+def _decimation(t: Array, cutoff: float) -> int:
+    """The default decimation: the number of samples in a period of the cut-off frequency.
 
-
-class _Log(NamedTuple):
-    """A log, and the arguments of `measured_motion` that go with it."""
-
-    t: Array
-    x: Array
-    tau: Array
-    start: Array | None
-    decimate: int
-
-
-def _read(arguments: argparse.Namespace, robot: ClosedChain) -> _Log:
-    """The log that the options name.
-
-    By default the decimation is at most the number of samples in a period of the cut-off frequency:
-    the filter before has removed what is faster.
+    The low-pass filter, which comes before, has removed faster changes. The result is at most
+    `_LARGEST_DECIMATION`.
     """
-    t, x, tau, start = read_log(robot.engine, common.source_of(arguments.log))
-    decimate = arguments.decimate
-    if decimate is None:
-        in_period = 1.0
-        if arguments.cutoff > 0:
-            in_period = (len(t) - 1) / (t[-1] - t[0]) / arguments.cutoff
-        decimate = max(1, min(_LARGEST_DECIMATION, int(in_period)))
-    return _Log(t, x, tau, start, decimate)
+    if not cutoff > 0:  # `measured_motion` refuses this frequency
+        return 1
+    sample_rate = (len(t) - 1) / (t[-1] - t[0])
+    return max(1, min(_LARGEST_DECIMATION, int(sample_rate / cutoff)))
 
 
 def _advice(robot: ClosedChain, estimate: identification.Estimate) -> str:
@@ -163,14 +151,14 @@ def _with_masses(robot: ClosedChain, masses: Mapping[str, float]) -> ClosedChain
 def _considered(robot: ClosedChain, which: str | None, masses: Mapping[str, float]) -> list[str]:
     """Names of the parameters that are considered, or patterns of them.
 
-    By default these are masses, first moments and moments of inertia of bodies, friction, and
-    numbers of lines. Of a line that is a motor only the damping is considered: its force is the
-    motor's. Known masses are left out.
+    By default these are masses, first moments and moments of inertia of bodies, friction, and the
+    parameters of forces along lines. If a motor acts on a line, only the line's damping is
+    considered, because the rest of the force is measured as the motor's. Known masses are left out.
     """
     if which:
         patterns = which.split(",")
     else:
-        patterns = ["*.m*", "*.i*", "*.viscous", "*.coulomb"]
+        patterns = PATTERNS.split(",")
         for line in map(str, robot.lines):
             patterns.append(f"{line}.damping")
             if line not in robot.motor_names:
