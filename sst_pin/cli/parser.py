@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parsers of arguments; only errors about robots import Pinocchio, so that --help is quick."""
+"""Parsers of the command line.
+
+Nothing here imports Pinocchio unless an error message is about a robot, so that --help is quick.
+"""
 
 import argparse
 import re
@@ -22,7 +25,7 @@ class Command:
 
         Args:
             usage: Its name and its most important arguments, as the help shows them.
-            module: The module of this room that has a function with the name of the command.
+            module: The module of `cli` that has a function with the name of the command.
             text: What the command does, in a few words.
             options: Its options and arguments, by `option`.
             more: Further lines of the help.
@@ -55,11 +58,12 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **how: Any) -> None:
         super().__init__(add_help=False, formatter_class=_Help, **how)
-        # By default only a whole negative number is a value; in --gravity -1,0,0 a list is.
+        # A word that begins with "-" is a value, and not an option, if it matches this pattern. The
+        # pattern of argparse matches single numbers only, and not the list in --gravity -1,0,0.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse, and store the words for error messages."""
+        """Parse; `error` needs the words for its hint."""
         self._words = sys.argv[1:] if args is None else list(args)
         return super().parse_known_args(args, namespace)
 
@@ -85,7 +89,7 @@ class Parser(argparse.ArgumentParser):
             parser.add(command.options)
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Print a text; argparse ignores errors of writing, such as that of a closed output."""
+        """Print a text. Unlike argparse, raise errors of writing, for instance to a closed pipe."""
         if message:
             (file or sys.stderr).write(message)
 
@@ -119,14 +123,16 @@ def names_robot(word: str) -> bool:
 
 
 def hint_for_robot(words: Sequence[str]) -> str:
-    """A hint for an error message when a robot is given instead of another argument.
+    """A hint for an error message if a robot stands in the place of another argument.
 
-    Options, and words behind options, which may be their values, are no such arguments.
+    Options are skipped, and so are words after options, which may be their values.
     """
-    for before, word in zip(["", *words], words, strict=False):
-        is_argument = not before.startswith("-") and not word.startswith("-")
+    previous = ""
+    for word in words:
+        is_argument = not previous.startswith("-") and not word.startswith("-")
         if is_argument and names_robot(word):
             return f"; did you mean --robot {word}?"
+        previous = word
     return ""
 
 
@@ -141,7 +147,7 @@ def directions(text: str) -> list[list[float]]:
 
 
 def named_numbers(text: str) -> dict[str, float]:
-    """Numbers by name."""
+    """Numbers by name, for instance "crank=0.1,slide=0.2"; a name must not stand twice."""
     pairs = [part.rpartition("=") for part in text.split(",")]
     try:
         values = {name.strip(): float(value) for name, _, value in pairs}
