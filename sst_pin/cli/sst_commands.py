@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin paper` and `describe`: figures and folder of an SST, the MJCF of any robot."""
+"""`sst-pin paper` and `describe`: the paper's examples, the files of an SST or of any robot."""
 
 import argparse
 import time
@@ -19,7 +19,7 @@ from ..sst.robot import SST
 from ..sst.robot_wrapper import configurations_of
 from . import common
 
-#: Options of `describe` that every robot has.
+#: Options of `describe` that do not change parameters of an SST.
 _COMMON = {"command", "robot", "model", "output", "force"}
 
 
@@ -40,25 +40,25 @@ def paper(arguments: argparse.Namespace) -> int:
 
     # Example 1 and example 2, as lines of a table.
     peaks = np.abs(example.tau).max(axis=0)
-    means = np.sqrt((example.tau**2).mean(axis=0))
+    rms = np.sqrt((example.tau**2).mean(axis=0))
     lines = [
         f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds:.3f} s",
         "                    tau_1      tau_2      tau_3",
         " ".join(["peak |tau| (N m)", *(f"{value:10.4f}" for value in peaks)]),
-        " ".join(["RMS tau    (N m)", *(f"{value:10.4f}" for value in means)]),
+        " ".join(["RMS tau    (N m)", *(f"{value:10.4f}" for value in rms)]),
         "Example 2: direct dynamics with these torques, one period",
         "start     path error   closures   energy error   time",
     ]
     motions = {"example_1": example}
-    for name, rounded in (("exact", False), ("printed", True)):
+    for name, is_rounded in (("exact", False), ("printed", True)):
         began = time.perf_counter()
-        motion = example_2(robot, example, rounded)
+        motion = example_2(robot, example, is_rounded)
         motions[f"example_2_{name}_start"] = motion
         seconds = time.perf_counter() - began
         errors = compare(robot, example, motion)
-        text = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
-        text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.early_end(motion)}"
-        lines.append(text)
+        line = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
+        line += f"{errors.energy:.1e} J     {seconds:.2f} s{common.early_end(motion)}"
+        lines.append(line)
 
     # Motions and figures as files.
     files = dict[Path, Writer]()
@@ -98,7 +98,10 @@ def describe(arguments: argparse.Namespace) -> None:
 
 
 def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
-    """The parameters, changed as the options say."""
+    """The parameters, changed by the options.
+
+    Options with the name of a parameter replace it; the others are angles in degrees, and masses.
+    """
     options = {name: value for name, value in vars(arguments).items() if value is not None}
     changes = {f.name: options[f.name] for f in fields(Parameters) if f.name in options}
     if "alpha" in options:
