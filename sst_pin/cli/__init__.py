@@ -26,11 +26,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             _replace_closed_streams()
             with _sigterm_unwinds():
-                from .commands import run  # slow, so inside `try`: Ctrl-C works meanwhile
+                # The import is slow. It is inside `try`, so that Ctrl-C ends it without a
+                # traceback.
+                from .commands import run
 
                 return run(argv)
         finally:
-            sys.stdout.flush()
+            sys.stdout.flush()  # here, so that the errors of a closed pipe are caught below
     except KeyboardInterrupt:
         return _end(128 + signal.SIGINT, "interrupted")
     except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
@@ -42,8 +44,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _sigterm_unwinds() -> Iterator[None]:
-    """SIGTERM ends the command like an exception: no temporary file remains."""
-    if threading.current_thread() is not threading.main_thread():
+    """In this block SIGTERM raises SystemExit, so that temporary files are deleted."""
+    if threading.current_thread() is not threading.main_thread():  # Python allows no handler there
         yield
         return
     before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
@@ -56,7 +58,7 @@ def _sigterm_unwinds() -> Iterator[None]:
 class ClosedStream(io.TextIOBase):
     """Standard input or output that the caller has closed: reading and writing raise an error."""
 
-    #: As errors of files name it.
+    #: Name in error messages about the file that is read.
     name = "standard input"
 
     @property
@@ -82,7 +84,10 @@ class UnreadStream(io.TextIOBase):
 
 
 def _replace_closed_streams() -> None:
-    """Python has None in place of closed streams, and `print` to None writes to standard output."""
+    """Replace standard streams that the caller has closed.
+
+    Python has None in their place, and `print` to None would write to standard output.
+    """
     if sys.stdin is None:
         sys.stdin = ClosedStream()
     if sys.stdout is None:
@@ -92,7 +97,11 @@ def _replace_closed_streams() -> None:
 
 
 def _end(code: int, message: str = "") -> int:
-    """Print a last message; what the interpreter still writes to standard output is dropped."""
+    """Print a last message; returns the exit code.
+
+    At its end, the interpreter flushes standard output, which may be a closed pipe. So it is
+    redirected to nowhere.
+    """
     with suppress(OSError):
         if message:
             print(f"sst-pin: {message}", file=sys.stderr)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Robots and output of several commands."""
+"""What several commands share: the robot, the input and the output that their options name."""
 
 import argparse
 import sys
@@ -27,7 +27,10 @@ from .parser import gallery, hint_for_robot
 
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
-    """The robot that --robot names, by default an SST; a URDF with the joints of an SST is one."""
+    """The robot that --robot names: of the gallery, or of a file; by default an SST.
+
+    A URDF that has all joints of an SST gives an `SST`.
+    """
     name = arguments.robot
     names = gallery()
     model = arguments.model
@@ -64,7 +67,12 @@ def motion_of(robot: ClosedChain, path: Path) -> Trajectory:
 
 
 def sst_of(arguments: argparse.Namespace) -> SST:
-    """The SST that --robot names; refuses another robot."""
+    """The SST that --robot names.
+
+    Raises:
+        InputError: For a robot of the gallery, or with --model.
+        SSTError: If the file does not have an SST.
+    """
     name = arguments.robot
     if name in (None, "sst"):
         return SST()
@@ -78,7 +86,7 @@ def sst_of(arguments: argparse.Namespace) -> SST:
 
 
 def source_of(path: Path) -> Path | BinaryIO:
-    """A file, or standard input for `-`; refuses a robot."""
+    """A file, or standard input for `-`; an InputError for a robot instead of a table."""
     hint = hint_for_robot([str(path)])
     if hint:
         raise InputError(str(path), f"is a robot, not a table{hint}")
@@ -86,7 +94,7 @@ def source_of(path: Path) -> Path | BinaryIO:
 
 
 def require_extras(**packages: str) -> None:
-    """Raise an error that names all missing packages and the extras that install them."""
+    """Raise a MissingExtraError if packages are missing; `packages` has one for each extra."""
     missing = {extra: name for extra, name in packages.items() if find_spec(name) is None}
     if missing:
         raise MissingExtraError(", ".join(missing.values()), ",".join(missing))
@@ -100,7 +108,7 @@ def print_findings(findings: Sequence[object], arguments: argparse.Namespace) ->
 
 
 def output_name(path: Path, ending: str) -> Path:
-    """The file name whose extension selects the format; standard output has one format."""
+    """The file name whose ending selects the format; standard output has the format `ending`."""
     return Path(f"standard output{ending}") if str(path) == "-" else path
 
 
@@ -114,7 +122,10 @@ def write(files: Mapping[Path, Writer], arguments: argparse.Namespace) -> None:
 
 
 def say(text: str, arguments: argparse.Namespace) -> None:
-    """Print a message: to standard output, or to standard error if that holds the result."""
+    """Print a message.
+
+    It goes to standard output, or to standard error if standard output gets the result.
+    """
     stream = sys.stderr if str(arguments.output) == "-" else sys.stdout
     if not isinstance(stream, ClosedStream):
         print(text, file=stream)

@@ -40,8 +40,8 @@ def torques(arguments: argparse.Namespace) -> int:
     if len(set(units)) == 1 and len(peaks) <= 3:
         shown = f"{', '.join(f'{peak:.4g}' for peak in peaks)} {units[0]}"
     else:
-        rows = zip(motion.motor_names, peaks, units, strict=True)
-        shown = listed([f"{name} {peak:.4g} {unit}" for name, peak, unit in rows])
+        peaks_of_motors = zip(motion.motor_names, peaks, units, strict=True)
+        shown = listed([f"{name} {peak:.4g} {unit}" for name, peak, unit in peaks_of_motors])
     common.say(f"{len(motion)} samples, peak torques {shown} -> {arguments.output}", arguments)
     start = zip(motion.joint_names, motion.q[0], strict=True)
     common.say(f"  starts at {listed([f'{name} {x:.4g}' for name, x in start])}", arguments)
@@ -147,13 +147,17 @@ class _Scene(NamedTuple):
     """What `show` shows."""
 
     robot: ClosedChain
-    motion: Trajectory | None  #: None: the robot stands still.
-    speed: float  #: By default; 1 is real time.
+    motion: Trajectory | None  #: None for a robot that stands still.
+    speed: float  #: Default speed of the animation; 1 is real time.
     title: str
 
 
 def _scene(arguments: argparse.Namespace) -> _Scene:
-    """The robot and the motion that the options name; without options the paper's example 1."""
+    """The robot and the motion that the options name.
+
+    Without a motion, a robot that --robot names stands still. Without both, it is the paper's
+    example 1, at a tenth of its speed.
+    """
     path = arguments.motion
     robot = common.robot_of(arguments)
     if path is not None:

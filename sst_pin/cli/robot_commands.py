@@ -11,7 +11,7 @@ from ..errors import InputError
 from . import common
 from .parser import gallery
 
-#: Number of random states at which `verify` compares.
+#: Number of random states at which `verify` compares, and with --quick.
 _STATES = 40
 _QUICK_STATES = 5
 
