@@ -24,7 +24,7 @@ from ..sst.robot import SST
 from .curves import legend_above
 from .style import Axes
 
-#: A path is planar if its extent along one axis of the base is at most this share of the largest.
+#: A path is planar if its extent along one axis of the base is at most this part of its largest.
 _PLANAR = 1e-6
 #: Line styles of the paths; the wanted path is drawn first, below the others.
 PATHS: tuple[dict[str, Any], ...] = (
@@ -59,24 +59,29 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
         raise InputError("ax", f"the path of {frame} lies in no plane: give axes with 3d")
     ax.plot(*points[:, shown].T, color=LEG_COLOURS[0], label=frame)
     ax.plot(*points[:1, shown].T, "o", color="black", markersize=3)
-    if ax.name != "3d":
+    if ax.name == "3d":
+        _set_space_around(ax, points)
+        ax.legend(loc="lower left", bbox_to_anchor=(0.1, 0.97))
+    else:
         names = [f"${'xyz'[i]}_0$ (m)" for i in shown]
         ax.set_aspect("equal", adjustable="datalim")
         ax.set(xlabel=names[0], ylabel=names[1])
         legend_above(ax)
-        return ax
+    return ax
+
+
+def _set_space_around(ax: Axes, points: Array) -> None:
+    """Set view, limits and labels of 3-D axes: a cube around points, shape (N, 3)."""
     ax.set_box_aspect((1, 1, 1), zoom=0.9)
     ax.view_init(elev=28, azim=-52)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    half = 0.55 * float(np.ptp(points, axis=0).max()) or 0.5
-    ends = np.stack([middle - half, middle + half], axis=1)
+    half_edge = 0.55 * float(np.ptp(points, axis=0).max()) or 0.5  # 0.5 m for a point that rests
+    ends = np.stack([middle - half_edge, middle + half_edge], axis=1)
     ax.set(xlim=ends[0], ylim=ends[1], zlim=ends[2])
     for axis, letter in _labelled_axes(ax):
         axis.set_major_locator(mpl.ticker.MaxNLocator(3, prune="both"))
         axis.set_tick_params(pad=3 if letter == "z" else 0)
         axis.labelpad = 8 if letter == "z" else 4
-    ax.legend(loc="lower left", bbox_to_anchor=(0.1, 0.97))
-    return ax
 
 
 def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
@@ -93,7 +98,7 @@ def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
 
 
 def plane_of(points: Array) -> list[int] | None:
-    """The two axes of the base whose plane the points are parallel to, or None."""
+    """The two axes of the base, 0 to 2, whose plane is parallel to the points; None without one."""
     ranges = np.ptp(points, axis=0)
     flattest = int(ranges.argmin())
     if ranges[flattest] > _PLANAR * ranges.max():
@@ -104,12 +109,13 @@ def plane_of(points: Array) -> list[int] | None:
 def paths_on_sphere(
     ax: Axes, robot: SST, motions: Sequence[tuple[str, Trajectory]], radius: float | None = None
 ) -> Axes:
-    """Paths of E on the sphere of the star, over the base triangle's patch (Figs. 9, 11).
+    """Paths of E on the sphere of the star, with the base triangle on this sphere (Figs. 9, 11).
 
     Args:
         ax: Axes with projection "3d".
         robot: The SST.
-        motions: Label and motion of each path; of several, the first is the wanted one.
+        motions: Label and motion of each path. If there are several, the first one is the wanted
+            path.
         radius: Radius of the sphere, [m]; the star's by default.
 
     Raises:
@@ -132,13 +138,14 @@ def paths_on_sphere(
     for _, motion in labelled:
         require_motion(motion, robot.mechanism)
     radius = robot.star_radius if radius is None else radius
-    _patch(ax, robot, radius, "v")
+    _draw_triangle(ax, robot, radius, "v")
     styles = PATHS if len(labelled) > 1 else PATHS[1:]
-    directions = [robot.geometry.R_0[:, :, 0]]
+    directions = [robot.geometry.R_0[:, :, 0]]  # v_1, v_2, v_3
     for (label, motion), look in zip(labelled, styles, strict=False):
-        s = robot.platform_orientation(motion.q)[:, :, 0]
+        s = robot.platform_orientation(motion.q)[:, :, 0]  # from O to E
         ax.plot(*(radius * s).T, label=label, zorder=10, **look)
         directions.append(s)
+    # A dot at the start of the last path.
     ax.plot(*(radius * s[:1]).T, "o", color="black", markersize=3, zorder=11)
     if len(labelled) > 1:
         ax.legend(loc="upper left", bbox_to_anchor=(-0.05, 1.0), handlelength=2.6)
@@ -158,8 +165,8 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
         ax: Axes with projection "3d".
         robot: The SST.
         q: Joint coordinates, shape (9,).
-        radii: Radii of the base sphere and of the star's arcs, [m]; by default the star's, and 7/8
-            of it for the base, as in the paper.
+        radii: Radii of the base sphere and of the star's arcs, [m]. By default the star has its
+            own, and the base has 7/8 of it, as in the paper.
 
     Example:
         >>> figure = Figure()
@@ -168,18 +175,20 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     """
     _require_sst(robot)
     base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
-    _patch(ax, robot, base, "P")
+    _draw_triangle(ax, robot, base, "P")
     legs = legs_of_joints(robot.geometry, single_array("q", q, (9,)))
     for k, colour in enumerate(LEG_COLOURS):
+        # The link from O to the base sphere, and the carriage from there to the star, at R_k.
         carriage = np.outer((base, star), legs.u[k])
         ax.plot(*np.vstack([np.zeros(3), carriage[0]]).T, color=colour, linewidth=2.5)
         ax.plot(*carriage.T, color=colour, linewidth=6, solid_capstyle="butt")
-        # The arc from E through R_k, a quarter circle in the plane with normal n_k.
+        # The arc from E through R_k: a quarter circle in the plane with the normal n_k, in which
+        # -n_k x s is the direction from E towards R_k.
         angles = np.linspace(0, np.pi / 2, 60)[:, None]
         s = legs.s[k]
         arc = star * (np.cos(angles) * s - np.sin(angles) * np.cross(legs.n[k], s))
         ax.plot(*arc.T, color=colour, linewidth=1.8)
-        # Beside the arc: towards neither of its ends.
+        # The label is beside the plane of the arc, so that the arc does not cross it.
         beside = 1.12 * carriage[1] + 0.2 * star * legs.n[k]
         ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
     E = star * legs.s[0]
@@ -191,8 +200,11 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     return ax
 
 
-def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
-    """The base triangle on a sphere about O, with a fine net that shows its curvature."""
+def _draw_triangle(ax: Axes, robot: SST, radius: float, letter: str) -> None:
+    """Draw the base triangle on a sphere about O, with a net of arcs that shows the curvature.
+
+    `letter` names the corners: "v" for the directions v_k, "P" for the points P_k.
+    """
     v = robot.geometry.R_0[:, :, 0]
     share = np.linspace(0, 1, 60)
     for k in range(3):
@@ -200,9 +212,10 @@ def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
         there = v[(k + 1) % 3]
         opposite = v[(k + 2) % 3]
         side = geometric_slerp(here, there, share)
+        # Arcs of the net from each tenth point of the side to the opposite corner.
         for point in side[10:-5:10]:
-            thread = radius * geometric_slerp(point, opposite, share)
-            ax.plot(*thread.T, color="0.88", linewidth=0.4)
+            net_arc = radius * geometric_slerp(point, opposite, share)
+            ax.plot(*net_arc.T, color="0.88", linewidth=0.4)
         ax.plot(*(radius * side).T, color="0.35", linewidth=1.0)
         ax.plot(*np.vstack([np.zeros(3), radius * here]).T, color="0.75", linewidth=0.5)
         name = rf"$\mathbf{{v}}_{k + 1}$" if letter == "v" else f"${letter}_{k + 1}$"
@@ -210,19 +223,23 @@ def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
 
 
 def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
-    """Set equal scales for a sphere; show only the octant of the paper if s stays within it."""
-    octant = s.min() > -0.15
-    limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
-    # The step of the numbers is 1, 2 or 5 times a power of ten: the smallest one with which they do
-    # not run into one another.
+    """Set view and limits of 3-D axes with equal scales, for a sphere about O.
+
+    The axes show only the octant x, y, z > 0 of the paper if the directions s, shape (N, 3), stay
+    within it. The margin is 0.15 radii.
+    """
+    in_octant = s.min() > -0.15
+    limits = np.array((-0.15 if in_octant else -1.15, 1.15)) * radius
+    # The step between the numbers at an axis: 1, 2 or 5 times a power of ten. With less than 1 /
+    # 2.7 of the radius the numbers would overlap.
     least_step = radius / 2.7
     power = 10 ** np.floor(np.log10(least_step))
     step = min(factor * power for factor in (1, 2, 5, 10) if factor * power >= least_step)
-    if not octant:
+    if not in_octant:  # the axes are about twice as long
         step *= 2
     ax.set(xlim=limits, ylim=limits, zlim=limits)
     ax.set_box_aspect((1, 1, 1), zoom=0.84)
-    # The camera looks from the quadrant of the base triangle's centre.
+    # The camera stands in the quadrant of x and y in which the base triangle's centre is.
     x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
     quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)
     ax.view_init(elev=28, azim=float(90 * quadrant + 38))
