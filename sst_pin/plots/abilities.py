@@ -19,15 +19,15 @@ from ..control.reach_search import REASONS
 from ..errors import InputError
 from .style import Axes
 
-#: Steps of the condition number, each with its colour: light is good, dark is singular.
+#: Limits of the colours of the condition number: light is good, dark is singular.
 LEVELS = (1, 1.1, 1.25, 1.5, 2, 3, 5, 10)
 _COLOUR_MAP: Any = mpl.colormaps["viridis_r"].with_extremes(over="#1c0021")
-#: Colours and steps as arguments of Matplotlib.
+#: Colours and their limits, as arguments of Matplotlib.
 CONDITION: dict[str, Any] = {
     "cmap": _COLOUR_MAP,
     "norm": BoundaryNorm(LEVELS, _COLOUR_MAP.N, extend="max"),
 }
-#: Colours of the reasons why poses at the boundary are not reached.
+#: Colours of poses that are not reached, by the reason.
 _ENDS = {"joint limits": "0.55", "singular": "#CC79A7"}
 _LABELS = {"condition": "condition number (1)", "used": "largest part of a motor's limit (1)"}
 
@@ -84,19 +84,26 @@ def convex_set(
 
 
 def _points_of(shape: Ellipsoid) -> Array:
-    """Points of the surface, shape (N, 3)."""
-    axes = shape.axes[np.isfinite(shape.sizes)]
-    turn, tilt = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, np.pi, 31))
-    sphere = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], -1)
-    sizes = shape.sizes[np.isfinite(shape.sizes)]
-    ball = sphere.reshape(-1, 3)[:, : len(sizes)]
-    return np.asarray(shape.center + ball * sizes @ axes)
+    """Points of the surface of an ellipsoid, shape (N, 3), along its axes of finite length.
+
+    With fewer than three such axes, the points fill a flat ellipse or a line.
+    """
+    is_finite = np.isfinite(shape.sizes)
+    axes = shape.axes[is_finite]  # unit vectors as rows
+    sizes = shape.sizes[is_finite]
+    azimuth, polar = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, np.pi, 31))
+    x = np.sin(polar) * np.cos(azimuth)
+    y = np.sin(polar) * np.sin(azimuth)
+    unit_sphere = np.stack([x, y, np.cos(polar)], axis=-1).reshape(-1, 3)
+    coordinates = unit_sphere[:, : len(sizes)] * sizes
+    return np.asarray(shape.center + coordinates @ axes)
 
 
 def equal_area(directions: ArrayLike, middle: ArrayLike) -> Array:
     """Directions on Lambert's equal-area map of the sphere, shape (..., 2).
 
-    The half of the sphere around the middle fills the disc of radius sqrt(2); z points up.
+    The middle is at the origin, and z points up. The half of the sphere around the middle fills the
+    disc of radius sqrt(2).
 
     Args:
         directions: Shape (..., 3), of any length.
@@ -110,12 +117,17 @@ def equal_area(directions: ArrayLike, middle: ArrayLike) -> Array:
     s = finite_array("directions", directions, (3,))
     ahead = single_array("middle", middle, (3,))
     ahead = ahead / np.linalg.norm(ahead)
-    up = np.array([0.0, 0.0, 1.0]) if abs(ahead[2]) < 1 - 1e-9 else np.array([0.0, 1.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    if abs(ahead[2]) >= 1 - 1e-9:  # the middle is z itself: then y points up
+        up = np.array([0.0, 1.0, 0.0])
     s = s / np.linalg.norm(s, axis=-1, keepdims=True)
-    # The axes of the map, to the right and upwards.
+    # The axes of the map, to the right and upwards, as columns.
     right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
     axes = np.stack([right, np.cross(ahead, right)], axis=-1)
-    return np.asarray(s @ axes * np.sqrt(2 / (1 + s @ ahead))[..., None])
+    # Lambert's projection: with the cosine c of the angle from the middle, components in the plane
+    # of the map are multiplied by sqrt(2 / (1 + c)).
+    cosine = s @ ahead
+    return np.asarray(s @ axes * np.sqrt(2 / (1 + cosine))[..., None])
 
 
 def reach_map(
@@ -178,7 +190,7 @@ def _grid_values(poses: ReachMap, k: int) -> tuple[Array, str]:
 
 
 def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
-    """Cells of a map with a colour bar and a legend."""
+    """Draw the cells around points x, y of a grid, both of shape (N, M), with a colour bar."""
     colours = CONDITION
     if show == "used":
         cmap = mpl.colormaps["viridis_r"].with_extremes(over="#D55E00")
@@ -187,9 +199,10 @@ def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
     x_corners = _corners(x)
     y_corners = _corners(y)
     field = ax.pcolormesh(x_corners, y_corners, getattr(poses, show), rasterized=True, **colours)
+    # Cells that are not reached, in one colour for each reason. `poses.why` has indices of REASONS.
     names = [name for name in _ENDS if (poses.why == REASONS.index(name)).any()]
     for name in names:
-        cells = np.where(poses.why == REASONS.index(name), 0.0, np.nan)
+        cells = np.where(poses.why == REASONS.index(name), 0.0, np.nan)  # NaN is transparent
         colour = ListedColormap([_ENDS[name]])
         ax.pcolormesh(x_corners, y_corners, cells, cmap=colour, rasterized=True)
     bar = ax.figure.colorbar(field, ax=ax, label=_LABELS[show], spacing="uniform", shrink=0.8)
@@ -201,9 +214,10 @@ def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
 
 
 def _corners(x: Array) -> Array:
-    """Corners of the cells around points of a grid, shape (N + 1, M + 1).
+    """Corners of the cells around points of a grid: x of shape (N, M) gives (N + 1, M + 1).
 
-    They are the means of four neighbours; beyond its edges the grid is continued with equal steps.
+    A corner is the mean of its four neighbours. The grid is first continued by one point beyond
+    each edge, with the same step as before the edge: this is NumPy's odd reflection.
     """
     wide = np.pad(x, 1, mode="reflect", reflect_type="odd")
     return np.asarray((wide[:-1, :-1] + wide[1:, :-1] + wide[:-1, 1:] + wide[1:, 1:]) / 4)
