@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Curves over time: their labels, axes and legends; their colours, dashes and marks."""
+"""Curves over time: their labels, axes and legends; their colours, dashes and marks.
+
+`Curves` holds the numbers of several curves, and `draw` draws them into one pair of axes.
+"""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +20,8 @@ from .style import DASHES, Axes
 
 #: The most curves in one pair of axes.
 MOST = 6
-#: Colours, dashes and marks of successive curves: any nine of them differ, also in grey print.
+#: Colours, dashes and marks of successive curves. Nine curves differ by dashes or marks alone, and
+#: so in grey print too.
 _LOOKS = (
     cycler(color=(*HUES, "#000000", "#7F7F7F", "#8C510A"))
     + cycler(linestyle=3 * DASHES)
@@ -30,21 +34,22 @@ _MARKS: dict[str, Any] = {
     "markeredgewidth": 0.8,
 }
 
+#: Names of joints such as gamma_1: a Greek letter and a number.
 _GREEK = "alpha|beta|gamma|delta|theta|phi|psi|mu|nu|xi|rho|sigma|omega"
 _LETTER = re.compile(rf"({_GREEK})_(\d+)")
 
-#: Labels of the axes, by what is drawn and its unit.
+#: Labels of the y axis for positions, rates and forces, by their unit.
 POSITION = {"rad": "joint angle (deg)", "m": "joint displacement (m)", "": "quaternion (1)"}
 RATE = {"rad": "joint rate (rad/s)", "m": "joint rate (m/s)"}
 FORCE = {"Nm": "motor torque (N m)", "N": "motor force (N)"}
 
 
 class Curves(NamedTuple):
-    """Numbers over time with a name and a unit for each column; `values` of shape (N, columns)."""
+    """Several curves over time."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    values: Array
+    values: Array  #: A column for each curve, shape (N, curves).
 
     def pick(self, names: Sequence[str] | None) -> "Curves":
         """The curves of some names; all of them by default."""
@@ -57,36 +62,39 @@ class Curves(NamedTuple):
         return Curves(tuple(names), tuple(self.units[i] for i in chosen), self.values[:, chosen])
 
     def unit(self) -> str:
-        """The one unit of the curves; InputError for several units or nothing to draw."""
-        kinds = list(dict.fromkeys(self.units))
-        if len(kinds) != 1:
-            units = f"of several units ({', '.join(map(repr, kinds))})"
-            several = f"{units}; name curves of one unit, or draw a motion_page"
-            raise InputError("names", several if kinds else "none, so there is nothing to draw")
-        return kinds[0]
+        """The one unit of the curves; InputError for several units or no curves."""
+        units = list(dict.fromkeys(self.units))
+        if not units:
+            raise InputError("names", "none, so there is nothing to draw")
+        if len(units) > 1:
+            several = f"of several units ({', '.join(map(repr, units))})"
+            cure = "name curves of one unit, or draw a motion_page"
+            raise InputError("names", f"{several}; {cure}")
+        return units[0]
 
     def panels(self) -> Iterator[tuple[str, ...]]:
-        """Names of the curves in each pair of axes: one unit, at most `MOST` curves.
+        """Names of the curves in each pair of axes, which have one unit and are at most `MOST`.
 
-        More than that are divided: gamma_1, mu_1, gamma_2 by their letters, others evenly.
+        More curves of a unit are divided: names such as gamma_1, mu_1, gamma_2 by their Greek
+        letters, and others evenly.
         """
         names_by_unit: dict[str, list[str]] = {}
         for name, unit in zip(self.names, self.units, strict=True):
             names_by_unit.setdefault(unit, []).append(name)
         for names in names_by_unit.values():
-            groups: dict[str, list[str]] = {}
+            names_by_letter: dict[str, list[str]] = {}
             for name in names:
-                letter = _LETTER.fullmatch(name)
-                group = letter[1] if letter and len(names) > MOST else ""
-                groups.setdefault(group, []).append(name)
-            for members in groups.values():
-                panels = int(np.ceil(len(members) / MOST))
-                for part in np.array_split(members, panels):
+                match = _LETTER.fullmatch(name)
+                letter = match[1] if match and len(names) > MOST else ""
+                names_by_letter.setdefault(letter, []).append(name)
+            for group in names_by_letter.values():
+                panels = int(np.ceil(len(group) / MOST))
+                for part in np.array_split(group, panels):
                     yield tuple(part)
 
 
 class StyledCurve(NamedTuple):
-    """A curve with a look of its own, such as a sum of others."""
+    """A curve that is drawn in its own style, for instance the sum of others."""
 
     values: Array  #: Shape (N,).
     label: str
@@ -109,10 +117,10 @@ def draw(
     Args:
         ax: 2-D axes.
         t: Times, shape (N,), [s].
-        curves: Curves in colours, dashes and marks that differ.
-        labels: Their names in the legend.
+        curves: Curves, which get different colours, dashes and marks.
+        labels: Names of `curves` in the legend.
         y_label: Label of the y axis.
-        others: Curves that are drawn after these.
+        others: Further curves, which are drawn after `curves`.
         zero: Whether there is a thin line at 0.
         columns: Columns of the legend; by default three for curves whose labels are a letter and a
             number, two for others.
@@ -138,10 +146,12 @@ def zero_line(ax: Axes) -> None:
 
 
 def _plain_numbers(ax: Axes) -> None:
-    """Numbers along y without a separate power of ten above the axes."""
+    """Write the numbers along y without an offset or a power of ten above the axes."""
     low, high = ax.get_ylim()
     size = max(abs(low), abs(high))
-    if high - low < 1e-4 * size:  # else the numbers are long and differ at their ends
+    # A curve that is almost constant gets a larger range. Otherwise the numbers along y would be
+    # long, and would differ in their last digits only.
+    if high - low < 1e-4 * size:
         ax.set_ylim(low - 5e-5 * size, high + 5e-5 * size)
     if 1e-4 < size < 1e6:
         plain = mpl.ticker.ScalarFormatter(useOffset=False)
@@ -152,7 +162,10 @@ def _plain_numbers(ax: Axes) -> None:
 
 
 def label(name: str, accent: str = "") -> str:
-    """A name for the legend: gamma_1 as a letter with its number, others as they are."""
+    """A name for the legend: gamma_1 as a Greek letter with an index, others as they are.
+
+    `accent` is TeX for a mark above the letter, for instance a dot.
+    """
     if match := _LETTER.fullmatch(name):
         return rf"${accent}\{match[1]}_{subscript(match[2])}$"
     plain = name.replace("$", r"\$")
@@ -160,7 +173,7 @@ def label(name: str, accent: str = "") -> str:
 
 
 def formula(text: str) -> str:
-    """A text with bars and Greek letters in TeX."""
+    """A text for the legend, whose bars and names such as mu_k become TeX."""
     return re.sub(rf"({_GREEK})_(\w)", r"$\\\1_\2$", text).replace("|", "$|$")
 
 
