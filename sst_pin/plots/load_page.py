@@ -24,15 +24,15 @@ _NO_LOAD = 1e-9
 def loads_page(loads: Loads) -> Figure:
     """Bars of the peak forces and moments of joints and closures along a motion.
 
-    The inner bar is the root mean square. The numbers are the direction at the peak, x, y, z in the
-    axes of the wrench; letters in front say which components are unique, if not all are. Hatched
-    bars come from stiffnesses.
+    The inner bar is the root mean square. The numbers beside a bar are the direction of the load at
+    the peak, x, y, z in the axes of the wrench. If not all components are unique, letters in front
+    name the unique ones. A bar is hatched if its load is unique only because of stiffnesses.
 
     Args:
         loads: Table of `ClosedChain.loads`.
 
     Raises:
-        InputError: For anything else.
+        InputError: If `loads` is not such a table.
     """
     if not isinstance(loads, Loads):
         raise InputError("loads", f"a table of loads is needed, not {type(loads).__name__}")
@@ -49,7 +49,7 @@ def loads_page(loads: Loads) -> Figure:
 
 
 def _unit(rows: list[Load]) -> tuple[float, str]:
-    """The unit of a kind of loads, in N or N m, and its prefix: large loads in kN or MN."""
+    """The unit of some loads, as a multiple of N or N m, and its prefix: "", "k" or "M"."""
     largest = np.nanmax([row.peak for row in rows] + [0.0])
     if largest >= 1e7:
         return 1e6, "M"
@@ -59,18 +59,25 @@ def _unit(rows: list[Load]) -> tuple[float, str]:
 
 
 def _direction(row: Load) -> str:
-    """The direction of the peak, with the letters of its components if not all are unique."""
+    """The direction of the peak as text, with letters of the components if not all are unique."""
     numbers = [f"{round(x, 2) + 0.0:.2f}" for x in (row.x, row.y, row.z) if np.isfinite(x)]
     letters = "" if len(row.components) == 3 else f"{row.components}: "
     return letters + ", ".join(numbers)
 
 
 def _bars(ax: Axes, rows: list[Load], zero: float, unit: float) -> None:
-    """Bars for one kind of loads, in units of `unit`; those up to `zero` count as zero."""
+    """Draw bars of loads of one kind.
+
+    Args:
+        ax: 2-D axes.
+        rows: The loads, one bar for each.
+        zero: Loads up to this size count as zero, [N] or [N m].
+        unit: Unit of the x axis, [N] or [N m].
+    """
     names_in_legend = set[str]()
 
     def bar(y: int, length: float, width: float, name: str, **look: Any) -> None:
-        """A bar, whose name is in the legend once."""
+        """Draw a bar; `name` is written into the legend only once."""
         ax.barh(y, length, width, label=None if name in names_in_legend else name, **look)
         names_in_legend.add(name)
 
@@ -84,7 +91,7 @@ def _bars(ax: Axes, rows: list[Load], zero: float, unit: float) -> None:
         else:
             length = row.peak / unit
             text = _direction(row)
-            # A load that is not determined, but of which all components are known, got them from
+            # If a load is not determined, but all its components are known, they come from
             # stiffnesses.
             if not row.determined and len(row.components) == 3:
                 bar(y, length, 0.7, "peak, from stiffnesses", hatch="/////", **outline)

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Curves of a motion against time, for any closed chain.
 
-`ax` are 2-D axes, `robot` is any closed chain, `motion` is a motion of it, `motors` and `joints`
-name the curves to draw, by default all. All functions raise InputError for the motion of another
-robot and for curves of several units, UnknownNameError for an unknown name. `style` has an example.
+The public functions draw one subject into 2-D axes `ax`, and return these. `robot` is any closed
+chain, `motion` is a motion of this robot, `motors` and `joints` name the curves to draw, by default
+all. They raise an InputError for the motion of another robot and for curves of several units, and
+an UnknownNameError for an unknown name. `style` has an example. `panels` divides a subject for a
+page.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from . import curves
 from .curves import Curves, StyledCurve
 from .style import Axes
 
-#: Looks of curves that are not of a motor or a joint.
+#: Matplotlib options of curves that do not belong to a motor or a joint.
 _ALL: dict[str, Any] = {"color": "black", "linewidth": 1.8}
 _RESIDUAL: dict[str, Any] = {"color": "black", "linewidth": 0.8}
 _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)), "linewidth": 1.8}
@@ -80,7 +82,10 @@ def powers(
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
-    """Change of the energies, work, and their difference (residual) since the start, over time."""
+    """Change of both energies since the start, work since the start, and the residual, over time.
+
+    The residual is the change of energy minus the work: the numerical error of the motion.
+    """
     require_robot("robot", robot)
     balance = balance_of(robot.engine, motion)
     names = ("kinetic", "potential", "work of motors")
@@ -106,7 +111,7 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     measures = robot.singularity_measures(motion.q)
     names = tuple(measures)
     values = np.stack([*measures.values()], axis=1)
-    if values.max() > max(20, 10 * values.min()):
+    if values.max() > max(20, 10 * values.min()):  # more than a decade, and large
         ax.set_yscale("log")
     shown = Curves(names, ("",) * len(names), values)
     labels = [curves.formula(name) for name in names]
@@ -133,7 +138,7 @@ def _positions(motion: Trajectory) -> Curves:
     units = []
     columns = []
     for k, (name, unit) in enumerate(zip(motion.joint_names, motion.units, strict=True)):
-        if not unit and name.endswith("_cos"):  # its sine is the next column
+        if not unit and name.endswith("_cos"):  # the sine of the joint is the next column
             angle = np.unwrap(np.arctan2(motion.q[:, k + 1], motion.q[:, k]))
             names.append(name.removesuffix("_cos"))
             units.append("rad")
@@ -155,7 +160,7 @@ def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
 
 
 def upper_bound(value: float) -> str:
-    """An upper bound with one digit, in TeX."""
+    """The least number with one digit that is not smaller, in TeX: 0.0023 gives 3e-3."""
     if value == 0:
         return "$0$"
     exponent = int(np.floor(np.log10(value)))
@@ -189,5 +194,5 @@ def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> list[Callabl
 def _divided(
     all_curves: Curves, draw: Callable[[Sequence[str], Axes], Axes]
 ) -> list[Callable[[Axes], Axes]]:
-    """For each pair of axes the function that draws its curves; `draw` takes their names first."""
+    """For each pair of axes, a function that draws its curves; `draw` gets their names."""
     return [partial(draw, names) for names in all_curves.panels()]

@@ -31,9 +31,10 @@ def motion_page(
     subjects: Sequence[str] | None = None,
     frame: str | None = None,
 ) -> Figure:
-    """A page of plots of a motion, two in each row, with letters; below them the check's findings.
+    """A page of plots of a motion, two in each row, marked (a), (b), ...
 
-    A subject has several plots if units differ or more than six curves would share one.
+    A subject has several plots if its curves differ in units, or if there are more than six. Below
+    the plots are the findings of `ClosedChain.check_limits`.
 
     Args:
         robot: Any closed chain.
@@ -64,7 +65,7 @@ def motion_page(
         columns = min(len(panels_of_page), 2)
         rows = math.ceil(len(panels_of_page) / columns)
         longest_name = max(len(name) for name in (*motion.joint_names, *motion.motor_names))
-        width = 3.6 if longest_name < 16 else 4.8  # then a legend has two columns
+        width = 3.6 if longest_name < 16 else 4.8  # wide enough for a legend of two columns
         figure = StyledFigure(figsize=(width * columns, 2.9 * rows), layout="constrained")
         for number, panel in enumerate(panels_of_page, 1):
             ax = figure.add_subplot(rows, columns, number, projection=panel.projection)
@@ -85,27 +86,27 @@ def _checked_subjects(robot: ClosedChain, subjects: Sequence[str]) -> Sequence[s
     if not is_list or not subjects or not all(name in SUBJECTS for name in subjects):
         raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(SUBJECTS)}")
     if not robot.motor_names:
-        of_motors = sorted({"torques", "power"}.intersection(subjects))
-        if of_motors:
-            raise InputError("subjects", f"{' and '.join(of_motors)} of a robot without motors")
+        need_motors = sorted({"torques", "power"}.intersection(subjects))
+        if need_motors:
+            raise InputError("subjects", f"{' and '.join(need_motors)} of a robot without motors")
     return subjects
 
 
 def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
     """Default subjects of a `motion_page`; `frame` is the frame of its path, or None."""
-    known = {
+    is_default = {
         "path": frame is not None or robot.appearance.spherical,
         "torques": bool(robot.motor_names),
         "power": False,
     }
-    return tuple(subject for subject in SUBJECTS if known.get(subject, True))
+    return tuple(subject for subject in SUBJECTS if is_default.get(subject, True))
 
 
 class _Panel(NamedTuple):
-    """The content of one pair of axes, or of three axes."""
+    """The content of one plot."""
 
     draw: Callable[[Axes], Axes]
-    projection: str | None = None  #: "3d", or None for a plane.
+    projection: str | None = None  #: "3d", or None for 2-D axes.
 
 
 def _panels_of(
@@ -127,7 +128,7 @@ def _panels_of(
 
 
 def _add_letter(ax: Axes, number: int) -> None:
-    """(a), (b), ... at the upper left, (aa) after (z)."""
+    """Write (a), (b), ... at the upper left, (aa) after (z); `number` begins at 1."""
     repeats, k = divmod(number - 1, 26)
     letter = ascii_lowercase[k]
     for _ in range(repeats):

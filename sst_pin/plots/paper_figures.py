@@ -18,7 +18,8 @@ def paper_figures(
 ) -> dict[str, Writer]:
     """Figures 9, 10 and 11 of the paper as PNG and SVG, by file name.
 
-    `example` is example 1, the others are example 2 from the exact and the printed initial state.
+    `example` is example 1. `exact` and `rounded` are example 2: the motions from the exact initial
+    state and from that printed in the paper.
     """
     motions = [("exact start", exact), ("printed start", rounded)]
     with style():
@@ -45,7 +46,7 @@ def paper_figures(
 def _path_errors(
     ax: Axes, robot: SST, wanted: Trajectory, motions: list[tuple[str, Trajectory]]
 ) -> None:
-    """Angle between the axis s and the wanted one over time, logarithmic."""
+    """Draw the angle between the axis s and the wanted axis over time, on a logarithmic scale."""
     for (label, motion), look in zip(motions, PATHS[1:], strict=True):
         error = angles_off_path(robot, wanted, motion)
         is_shown = error > 0  # an exact zero has no place on the axis

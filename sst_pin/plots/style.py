@@ -18,7 +18,7 @@ from ..files import Writer, require_ending
 
 Axes = Any
 
-#: Dashes of legs 1, 2, 3, which differ without colour too.
+#: Dashes of legs 1, 2, 3, so that their curves differ without colours too.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 _STYLE: dict[Any, Any] = {

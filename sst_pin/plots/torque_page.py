@@ -17,11 +17,12 @@ from .style import StyledFigure, style
 
 
 def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
-    """Measured torques of the motors, predicted ones, and the difference, a row for each motor.
+    """Measured and predicted torques over time and their difference, in one plot for each motor.
 
     Args:
         motion: A motion with measured torques.
-        predicted: Torques for it, as of `identification.predicted_torques`, shape (N, motors).
+        predicted: Predicted torques of this motion, shape (N, motors), for instance those of
+            `identification.predicted_torques`.
 
     Raises:
         InputError: If the shapes differ, or for a motion without motors.
@@ -33,9 +34,9 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     count = len(motion.motor_names)
     figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
     with style():
-        rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        plots = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
         units = printed_units(motion.torque_units)
-        for k, ax in enumerate(rows):
+        for k, ax in enumerate(plots):
             measured = motion.tau[:, k]
             computed = tau[:, k]
             zero_line(ax)
@@ -43,6 +44,6 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
             ax.plot(motion.t, computed, color=HUES[1], linestyle="--", label="predicted")
             ax.plot(motion.t, measured - computed, color="black", linewidth=0.6, label="difference")
             ax.set_ylabel(f"{label(motion.motor_names[k])} ({units[k]})")
-        rows[-1].set_xlabel("time (s)")
-        legend_above(rows[0], columns=3)
+        plots[-1].set_xlabel("time (s)")
+        legend_above(plots[0], columns=3)
     return figure
