@@ -48,7 +48,7 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
         "q": q.tolist(),
         "va": va.tolist(),
         "size": scene.size,
-        "fall": gravity,
+        "fall": gravity,  # acceleration of a free fall, [m/s^2]
         "weight": weight,
         "nv": model.nv,
         "scales": [_scale(unit, scene.size) for unit in space.position_units],

@@ -20,7 +20,7 @@ from .arrows import (
 from .axis_labels import labelled
 from .body_meshes import body_shapes
 from .rate_axes import RateAxis, axes_of
-from .scene_parts import EffortLayout, ForceArrow, ForceMark, Shape, TorqueArrow, moved
+from .scene_parts import EffortLayout, ForceArrow, ForceMark, Shape, TorqueArrow, transform
 from .skeleton import joined_points, masses, skeleton
 from .struts import struts
 from .triangles import tube
@@ -39,13 +39,15 @@ LAYERS = (
 )
 _TRAIL = "#8E24AA"
 _PATH = "#A9B0B6"
+#: The trail is a tube; its cross-section has this number of sides.
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _ARROW = 0.45
 #: Number of directions in which the outermost points are found, and of samples of a motion.
 _DIRECTIONS = 150
 _SAMPLES = 60
-#: Unit vectors are parallel if their cross product is smaller.
+#: Two unit vectors are parallel if the length of their cross product is smaller, and orthogonal if
+#: the size of their dot product is smaller.
 _PARALLEL = 1e-3
 
 
@@ -176,7 +178,7 @@ class Scene:
         points_of_movers: dict[str, list[Array]] = {}
 
         def add(shape: Shape, at: Array) -> None:
-            points = _farthest(moved(shape.mesh.vertices, at))
+            points = _farthest(transform(shape.mesh.vertices, at))
             points_of_movers.setdefault(shape.mover, []).append(points)
 
         for shape in self.shapes:
@@ -194,7 +196,7 @@ class Scene:
         for i in np.unique(np.linspace(0, len(q) - 1, _SAMPLES).round().astype(int)):
             poses = self.poses(q[i])
             for mover, points in points_of_movers.items():
-                placed = moved(np.vstack(points), poses[mover])
+                placed = transform(np.vstack(points), poses[mover])
                 outermost = np.vstack([outermost, placed])
             outermost = _farthest(outermost)
         return outermost
@@ -243,6 +245,7 @@ class Scene:
         heights = set[float]()
         for place in self.contacts:
             plane = place.ground.placement
+            # The cosine of the angle between the normal and z, about 1 - angle^2 / 2.
             is_level = plane.rotation[2, 2] > 1 - _PARALLEL**2
             if place.ground.parentJoint == 0 and is_level:
                 heights.add(float(plane.translation[2]))
@@ -260,18 +263,22 @@ class Scene:
         return poses[:, :3, :3] @ self.point.placement.translation + poses[:, :3, 3]
 
     def _size(self, robot: ClosedChain, shapes_of_bodies: list[Shape]) -> float:
-        """A length of the robot, [m]: its own, or a quarter of the diagonal of its bounding box."""
+        """A length of the robot, [m]: that of its `appearance`, or one that its shapes give.
+
+        From shapes it is a quarter of the diagonal of their bounding box at the start; without
+        shapes, of the bounding box of the skeleton.
+        """
         if robot.appearance.size is not None:
             return robot.appearance.size
         poses = self._joints(self.start)
         points = []
         for shape in shapes_of_bodies:
-            on_body = moved(shape.mesh.vertices, shape.at)
-            points.append(moved(on_body, poses[int(shape.mover)]))
+            on_body = transform(shape.mesh.vertices, shape.at)
+            points.append(transform(on_body, poses[int(shape.mover)]))
         if not points:
             for points_of_body, pose in zip(joined_points(robot), poses, strict=True):
                 if points_of_body:
-                    points.append(moved(np.array(points_of_body), pose))
+                    points.append(transform(np.array(points_of_body), pose))
         diagonal = np.linalg.norm(np.ptp(np.vstack(points), axis=0))
         return float(diagonal) / 4 or 1.0
 

@@ -25,7 +25,7 @@ GREY = "#8A9199"
 _SMALLEST = 1e-3
 #: Smallest length of a strut, [m], for the same reason.
 _SHORTEST = 1e-9
-#: Smaller shares of the largest torque or force are rounding.
+#: A force that is a smaller share of the largest one is rounding.
 _NOISE = 1e-6
 
 
@@ -43,7 +43,7 @@ class Shape(NamedTuple):
     mover: str
     layer: str
     name: str  #: Name of the shape, unique in its layer of this mover.
-    mesh: Mesh  #: In the axes of `at`.
+    mesh: Mesh  #: In axes of its own, which `at` places.
     colour: str  #: As "#rrggbb".
     opacity: float = 1.0  #: 1 is opaque.
     at: Array = np.eye(4)  #: Placement of the mesh in the frame of the mover.
@@ -87,7 +87,7 @@ class EffortLayout(NamedTuple):
 
 def _length(share: float) -> float:
     """Length of an arrow relative to the longest: the square root, so that small ones are seen."""
-    return max(float(np.sqrt(share)), _SMALLEST) if share > _NOISE else _SMALLEST
+    return max(float(np.sqrt(share)), _SMALLEST)
 
 
 class TorqueArrow(NamedTuple):
@@ -172,8 +172,8 @@ class Strut(NamedTuple):
 
         `poses` has the placements of all joints, shape (joints, 4, 4).
         """
-        start = moved(self.points[:1], poses[self.joints[0]])[0]
-        end = moved(self.points[1:], poses[self.joints[1]])[0]
+        start = transform(self.points[:1], poses[self.joints[0]])[0]
+        end = transform(self.points[1:], poses[self.joints[1]])[0]
         matrix = homogeneous(along(end - start), start)
         matrix[:3, 2] *= max(float(np.linalg.norm(end - start)), _SHORTEST)
         return matrix
@@ -189,8 +189,8 @@ class Label(NamedTuple):
     point: Array  #: Position in the frame of the mover, shape (3,), [m].
 
 
-def moved(points: Array, at: Array) -> Array:
-    """Points, shape (n, 3), moved by a homogeneous matrix."""
+def transform(points: Array, at: Array) -> Array:
+    """Points, shape (n, 3), after the transformation by a homogeneous matrix."""
     return points @ at[:3, :3].T + at[:3, 3]
 
 

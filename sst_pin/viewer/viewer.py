@@ -128,6 +128,7 @@ class Viewer:
             >>> viewer.show(chain.home, tau=[0.2])
         """
         robot = self._robot
+        # The functions below take arrays with an axis of samples: here it has the length 1.
         q = single_array("q", q, (len(robot.position_names),))[None]
         zero_rates = np.zeros((1, robot.degrees_of_freedom))
         motors = len(robot.motor_names)
@@ -188,9 +189,9 @@ class Viewer:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
         states = self._states_of(motion)
-        for name, each in (("motion", states), ("ghost", ghost), ("wanted", wanted)):
-            if each is not None:
-                require_motion(each, self._robot.mechanism, name)
+        for name, trajectory in (("motion", states), ("ghost", ghost), ("wanted", wanted)):
+            if trajectory is not None:
+                require_motion(trajectory, self._robot.mechanism, name)
         if ghost is not None:
             ghost = same_time(states, ghost)
         if wanted is None:
