@@ -111,7 +111,7 @@ class MjcfBodies:
         joints = [joint.seen_from(on_parent) for joint in joints_before]
         try:
             joints += joints_of(self._mechanism.model, self._tree, index)
-        except DescriptionError as error:
+        except DescriptionError as error:  # all problems are collected, and reported at the end
             self.problems += error.problems
         placement = start * on_parent
 
@@ -125,7 +125,7 @@ class MjcfBodies:
             for joint in joints:
                 self._add_joint(body, joint)
             self._add_inertia(body, index)
-            self._put_weight_share(body, index)
+            self._add_weight_share(body, index)
             for child in self._model.children[index]:
                 self._add_body(child, body)
         self.elements[index] = body
@@ -192,7 +192,7 @@ class MjcfBodies:
         pose = pose_attributes(pin.SE3(R, inertia.lever))
         SubElement(body, "inertial", pose | attributes)
 
-    def _put_weight_share(self, body: Element, index: int) -> None:
+    def _add_weight_share(self, body: Element, index: int) -> None:
         """Write the share s of the weight that acts on a body, with its offset d, as `gravcomp`.
 
         `weight_shares` explains s and d: the weight is s m g, and its first moment about the mass
