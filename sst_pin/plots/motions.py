@@ -132,7 +132,10 @@ def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
 
 
 def _positions(motion: Trajectory) -> Curves:
-    """Positions, angles in degrees; the cosine and the sine of a joint become one angle."""
+    """Positions of all joints. The cosine and the sine of a joint become one angle.
+
+    Curves of the unit "rad" have values in degrees, as the label of their axes says.
+    """
     require_instance("motion", motion, Trajectory)
     names = []
     units = []
