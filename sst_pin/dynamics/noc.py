@@ -2,9 +2,9 @@
 """The natural orthogonal complement: L, K, T and their rates, Eqs. (3)-(25), one configuration.
 
 Sect. 3 of the paper with its letters. `JointComplement` computes L, Eqs. (3)-(8), (16)-(20);
-`bodies` computes K, M and Omega, and `natural_complement` T. Joints keep the order of the tree:
-they are not sorted into actuated and unactuated ones. Phi^a are the columns of Phi for the
-coordinates, Phi^u those for the dependent rates.
+`bodies` computes K, M and Omega, `natural_complement` T, and `decoupled` the factors of K. Joints
+keep the order of the tree: they are not sorted into actuated and unactuated ones. Phi^a are the
+columns of Phi for the coordinates, Phi^u those for the dependent rates.
 
 In `Bodies`, T and N_l, and only there, twists are [omega; v] and wrenches [moment; force], at the
 mass centres in base axes, as in the paper. Everywhere else they are [v; omega] and [force; moment],
@@ -28,10 +28,10 @@ from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NU
 from ..model.weight_shares import WeightShares
 from ..summaries import listed
 
-#: Up to this condition number k, normal equations are as precise as singular values. For numbers
-#: that are rounded to eps, the relative error of their inverse is about k^2 eps. The step of
-#: Newton's method in `_invert` squares it: k^4 eps^2. For k < eps^-1/3 = 1.7e5 this is less than
-#: k eps, the error of an inverse by any method.
+#: Normal equations give pseudo-inverses up to this condition number k. With numbers that are
+#: rounded to eps = 2.2e-16, the relative error of the result is about k^2 eps. The Newton step in
+#: `_invert` squares this error to k^4 eps^2. For k < eps^-1/3 = 1.7e5 the squared error is less
+#: than k eps, which is the error of an inverse by any method.
 _NORMAL_EQUATIONS = 1e5
 
 
@@ -114,6 +114,9 @@ class JointComplement:
         At some poses there are rates that satisfy the rows, but no accelerations with them: the
         robot cannot move there. For instance, the joints of a braced frame may have rates at one
         pose, although the frame is rigid.
+
+        Rounding and open loops violate redundant rows a little: each row, free of units, by up to
+        `_allowed` times the size of the motion.
         """
         if not self._redundant:
             return
@@ -125,7 +128,7 @@ class JointComplement:
         # Phi_dot v is quadratic in the rates, and Phi v_dot linear in the accelerations.
         size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
         if violations.dot(violations) <= (self._least_allowed * size) ** 2:
-            return  # sufficient, and quick: no entry is larger than the norm
+            return  # a quick test that suffices: no entry is larger than the norm
         worst = int(np.abs(violations).argmax())
         if np.isfinite(size) and not abs(violations[worst]) <= self._allowed * size:
             self._refuse_motion(rates, worst)
@@ -160,15 +163,19 @@ class JointComplement:
             self._require_rates(Phi)
 
     def _invert(self, Phi: Array) -> None:
-        """Compute the inverse, and the singular values that judge the blocks of Phi^u."""
-        #: The largest singular value of all blocks, at least 1: coordinates add an identity to Phi.
+        """Compute the inverse, and the singular values that judge the blocks of Phi^u.
+
+        All of them are free of units. Phi with a row of the identity for each coordinate, va = va,
+        is the whole system of equations for v; the block of these rows has the singular value 1.
+        """
+        #: The largest singular value of all blocks.
         self._largest = 1.0
-        #: The smallest singular value of each block.
+        #: The smallest singular value of each block of Phi^u.
         self._smallest: list[float] = []
         for block in self.blocks:
             A = Phi.take(block.in_Phi) * block.scale
             inverse, largest, smallest = _inverse(A)
-            # Newton's step, which removes rounding.
+            # A step of Newton's method for inverses (Newton-Schulz), which removes rounding.
             inverse = (block.twice_identity - inverse.dot(A)).dot(inverse)
             self.inverse[block.in_inverse] = inverse * block.scale.T
             self._largest = max(self._largest, largest)
@@ -178,22 +185,25 @@ class JointComplement:
         """Check Phi L = 0 in redundant rows too."""
         violations = (Phi.dot(self.L) * self._scale_of_Phi_L).ravel()
         if violations.dot(violations) <= self._least_allowed**2:
-            return  # sufficient, and quick: no entry is larger than the norm
+            return  # a quick test that suffices: no entry is larger than the norm
         if not np.abs(violations).max(initial=0.0) <= self._allowed:
             self._refuse(Phi, 0.0)  # no block is singular
 
     @property
     def _allowed(self) -> float:
-        """Largest allowed violation of redundant rows, free of units, for rates of size 1.
+        """Largest allowed violation of a redundant row, free of units, for rates va of size 1.
 
-        Loops that are open by f displace dependent joints by up to f times the condition number,
-        and Phi, whose entries are up to `_largest`, changes in proportion. The rates of dependent
-        joints are up to the largest entry of L.
+        A row of Phi is violated if Phi is not that of closed loops. Loops that are open by f
+        displace dependent joints by up to f times the condition number. The entries of Phi are up
+        to `_largest`, so Phi changes by up to `_largest` times this displacement. It is multiplied
+        by the rates of the joints, which are up to the largest entry of L.
         """
-        smallest = min(self._smallest, default=1.0)
-        gap = np.abs(self._row_scale * self._loops.f).max() * self._largest / smallest
-        bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * self._largest
-        return float(bound * np.abs(self.L * self._scale_of_L).max(initial=1.0))
+        openness = np.abs(self._row_scale * self._loops.f).max()
+        condition = self._largest / min(self._smallest, default=1.0)
+        displacement = CLOSURE_TOLERANCE + openness * condition
+        change_of_Phi = displacement * self._largest
+        largest_rate = np.abs(self.L * self._scale_of_L).max(initial=1.0)
+        return float(INCONSISTENT * change_of_Phi * largest_rate)
 
     @property
     def _least_allowed(self) -> float:
@@ -282,15 +292,16 @@ def _inverse_by_least_squares(A: Array) -> _PseudoInverse:
     """`_inverse` of a matrix with more rows than columns.
 
     Normal equations are quick. They are precise enough below the condition number
-    `_NORMAL_EQUATIONS`; beyond, singular values are used.
+    `_NORMAL_EQUATIONS`. For larger ones, a singular value decomposition is used.
     """
     # The singular values of A^T A are the squares of those of A.
     inverse_of_square = _inverse_or_none(A.T.dot(A))
     if inverse_of_square is not None:
         largest = _norm(A)
-        smallest_inverse = math.sqrt(_norm(inverse_of_square))
-        if largest * smallest_inverse < _NORMAL_EQUATIONS:
-            return _PseudoInverse(inverse_of_square.dot(A.T), largest, 1 / smallest_inverse)
+        largest_of_inverse = math.sqrt(_norm(inverse_of_square))
+        if largest * largest_of_inverse < _NORMAL_EQUATIONS:
+            matrix = inverse_of_square.dot(A.T)
+            return _PseudoInverse(matrix, largest, 1 / largest_of_inverse)
     if not np.isfinite(A).all():
         return _PseudoInverse(np.zeros(A.T.shape), 0.0, 0.0)
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
@@ -333,7 +344,11 @@ def body_jacobians(loops: Loops) -> Array:
 
 
 def bodies(loops: Loops, v: Array, weight_shares: WeightShares | None) -> Bodies:
-    """K, K_dot, M, Omega and w^g at rates v of the tree."""
+    """K, K_dot, M, Omega and w^g at rates v of the tree.
+
+    `weight_shares` is not None if only a share s of a body's weight acts. This weight s m g has the
+    moment m d x g about the mass centre, with an offset d of the body.
+    """
     model = loops.model
     S = loops.tree.S
     c = mass_centers(loops)
