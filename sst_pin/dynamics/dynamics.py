@@ -7,14 +7,15 @@ dynamics of the tree, RNEA:
 
     f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w).
 
-f are the forces that the motion needs along the coordinates, whoever supplies them. tau^f is the
-friction and tau^s are the springs, both with the forces along lines; w are external wrenches.
+f are the forces that the motion needs along the coordinates, whoever supplies them. tau^f are the
+forces of friction and tau^s those of springs, in joints and along lines. w are external wrenches.
 `direct_dynamics` solves the equation for aa. All functions use a `Context`, which has L and
 Pinocchio's data at the current configuration.
 
 The paper's decoupled form [5, 6] is K = N_l N_d: N_d gives the twist of each body relative to its
 parent, and N_l adds the twists of all bodies before it; see `noc.decoupled`. `pin.rnea` is this
-form as recursions: from the base to the ends N_d and N_l, back to the base N_l^T and N_d^T.
+form as two recursions. The first one, from the base to the ends, computes twists: it multiplies by
+N_d and N_l. The second one, back to the base, computes forces: it multiplies by N_l^T and N_d^T.
 """
 
 from __future__ import annotations
@@ -135,7 +136,10 @@ class ReducedTerms(NamedTuple):
 
     @classmethod
     def of_rows(cls, rows: Array, n: int) -> ReducedTerms:
-        """The terms from all their numbers in a row, shape (..., 2 n (n + 1))."""
+        """The terms from rows of numbers, shape (..., 2 n (n + 1)).
+
+        A row has the entries of `inertia`, then those of `coriolis`, `gravity` and `friction`.
+        """
         inertia, coriolis, gravity, friction = np.split(
             rows, [n * n, 2 * n * n, 2 * n * n + n], axis=-1
         )
@@ -163,7 +167,7 @@ class Context:
         lines: Lengths of the lines and their rates.
         assembly: Closes the loops by steps in which wheels may slip and braked joints may move.
         without_slip: Closes the loops by steps in which wheels roll and braked joints rest.
-        whole_inertia: The result of `whole_inertia`, [kg m^2].
+        whole_inertia: The size of the robot's inertia, [kg m^2], by the function `whole_inertia`.
         zero_aa: Accelerations of the coordinates that are zero, shape (n,).
     """
 
@@ -213,23 +217,27 @@ class Context:
         else:
             forces = pin.rnea(*motion, pin.StdVec_Force(self.lifts())).dot(S)
         if self.mechanism.lines.masses.any():
+            # A motion needs J^T times these tensions. J is the Jacobian of the lengths of lines.
             tensions = self.lines.inertial_tensions(self.loops.q_of_model, v, v_dot)
-            forces = forces + tensions.dot(self.lines.loops.Phi)
+            J = self.lines.loops.Phi
+            forces = forces + tensions.dot(J)
         return forces
 
     def lifts(self) -> list[pin.Force]:
         """Forces that cancel the part of each body's weight that does not act, at the current q.
 
-        This part has the mass m and the first moment m c, so the force is -m g, with the moment
-        m c x (-g). There is one force for each joint of the normal tree, at its origin and in its
-        axes; see `weight_shares`.
+        `pin.rnea` gives each body its whole weight, but on some bodies only a share of it acts; see
+        `WeightShares`. The rest has the mass m and the first moment m c, so the force is -m g, with
+        the moment m c x (-g). There is one force for each joint of the normal tree, at its origin
+        and in its axes.
         """
         lifts = [pin.Force.Zero() for _ in range(self.tree.model.njoints)]
-        for body, without_weight in self.mechanism.weightless_parts.items():
+        for body, weightless_part in self.mechanism.weightless_parts.items():
             joint = self.tree.bodies[body + 1]
             g = self.data.oMi[joint].rotation.T @ self.mechanism.model.gravity.linear
-            mass, moment = without_weight[0], without_weight[1:]
-            lifts[joint] = pin.Force(-mass * g, -cross(moment, g))
+            mass = weightless_part[0]
+            first_moment = weightless_part[1:]
+            lifts[joint] = pin.Force(-mass * g, -cross(first_moment, g))
         return lifts
 
     def tree_inertia(self) -> Array:
@@ -268,7 +276,10 @@ def applied_forces(
     wrenches: Array | None,
     tau: Array | None = None,
 ) -> Array:
-    """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
+    """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,).
+
+    `tau` are the torques of the motors; without them, motors give no force.
+    """
     springs = context.mechanism.springs
     lines = context.mechanism.lines
     force = np.zeros(len(v)) if tau is None else context.mechanism.actuation.dot(tau)
@@ -279,7 +290,7 @@ def applied_forces(
     if not lines.none:
         lengths, J = context.lines.evaluate(q)
         tensions = lines.tensions(lengths, J.dot(v), friction.sign_width, tau)
-        force = force - tensions.dot(J)
+        force = force - tensions.dot(J)  # a tension pulls: its force acts against the length
     if wrenches is not None:
         force = force + wrenches.ravel().dot(body_jacobians(context.loops))
     return force
@@ -373,9 +384,10 @@ def direct_dynamics(
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
     L = context.complement.L
     inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)
-    # At the rate 1 of a coordinate, the joints have the rates in its column of L. If the inertia of
-    # the whole robot moved at all of them, the coordinate would have the inertia `largest`. An
-    # inertia that is a tiny part of this is rounding: the coordinate is massless.
+    # A coordinate may move no mass, and then Eq. (92) has no solution. Its inertia is not exactly
+    # zero but rounding, so it is compared with the largest that it could be. At the rate 1 of a
+    # coordinate, the joints have the rates in its column of L. If the inertia of the whole robot
+    # moved at each of these rates, the coordinate would have the inertia `largest`.
     squared_rates = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
     largest = context.whole_inertia * squared_rates
     aa = _solve_for_accelerations(inertia, force.dot(L), WITHOUT_MASS * largest)
@@ -432,9 +444,9 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     rotors = L.T * model.armature
     on_lines = L.T @ (J.T * lines.masses)
     J_dot = context.lines.loops.Phi_dot(v) if lines.masses.any() else np.zeros_like(J)
-    scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
+    Phi_without_units = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
-        Phi=Phi[independent_rows(scaled)],
+        Phi=Phi[independent_rows(Phi_without_units)],
         L=L,
         L_dot=L_dot,
         K=K,
