@@ -3,13 +3,14 @@
 
 The forces of the closures on the tree are Phi^T lambda, with multipliers lambda. They are the
 forces that the motion needs, less those of motors, friction, springs and loads. If rows of Phi are
-redundant, lambda is not unique: lambda + N x gives the same forces, where N is the null space of
-Phi^T. A column of N is a state of inner stress.
+redundant, lambda is not unique: lambda + N x gives the same forces for any x, where the columns of
+N span the null space of Phi^T. A column of N is a state of inner stress.
 
 Without closures, the recursion of Newton and Euler gives the wrench in each joint. With closures,
-it is this wrench minus X lambda, the sum of the wrenches that closures give to the bodies beyond
-the joint. A component is unique exactly if its row of X N is zero (Wojtyra 2005; Fraczek and
-Wojtyra 2011). Rows are free of units, so that the verdict does not depend on them.
+the wrench is the result of the recursion minus X lambda. The matrix X of a joint sums the wrenches
+that closures give to the bodies beyond the joint. A component of the wrench is unique exactly if
+its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). The rows of Phi are made free of
+units first, so that the verdict does not depend on the choice of units.
 
 `reactions` computes all numbers of one sample, in one row as kernels do. `unpacked` makes
 `Reactions` of the rows of all samples.
@@ -34,9 +35,10 @@ from .dynamics import Context, applied_forces, tensions_in_motion
 from .noc import mass_centers
 
 #: Stiffnesses do not determine an inner stress that acts in rigid parts only: it has no elastic
-#: energy. A root of the energy below this part of the largest one is rounding.
+#: energy. A singular value s in `_relaxed` stands for the energy s^2 / 2. If it is below this part
+#: of the largest one, it is rounding.
 _RESISTED = 1e-9
-#: Largest error of R^T R for given axes R: six digits of their components are enough.
+#: Largest error of R^T R for the axes R of a user. Numbers that are written with six digits pass.
 _RIGHT_ANGLES = 1e-5
 _COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 #: The code of a joint or closure is the sum of the bits of its components that are not unique.
@@ -275,7 +277,7 @@ def _wrenches_in_motion(
     without_closures, ground = _without_closures(context, v, v_dot, loads)
     columns = _wrenches_of_multipliers(context, np.column_stack([multipliers, null_space]))
     values = columns[..., 0]
-    values[: len(without_closures)] += without_closures
+    values[: len(without_closures)] += without_closures  # joints are first
     stresses = columns[..., 1:]
     free_stresses = stresses
     if compliances is not None:
@@ -312,8 +314,8 @@ def _loads(context: Context, wrenches: Array | None) -> Array:
 def _loads_of_lines(context: Context, q: Array, v: Array, v_dot: Array, tau: Array) -> Array:
     """The wrenches of lines on the joints of the normal tree, as `_loads`.
 
-    Lines act as closures of one row each. A tension pulls the ends together, and a positive
-    multiplier pushes them apart, so tensions are minus multipliers.
+    A line acts as a closure of one row: the distance of its ends. A positive multiplier pushes the
+    ends apart, a positive tension pulls them together. So the multipliers are minus the tensions.
     """
     tensions = tensions_in_motion(context, context.mechanism.friction, q, v, v_dot, tau)
     return context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
@@ -336,6 +338,7 @@ def _without_closures(
     if context.mechanism.weight_shares is not None:
         local = [load + lift for load, lift in zip(local, context.lifts(), strict=True)]
     pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
+    # After `pin.rnea`, data.f has the wrenches that parents give to their children in the joints.
     in_joints = np.array([data.f[j].vector for j in tree.bodies[1:]])
 
     # The ground acts on the robot through the joints of the base, and through lines: loads[0] is
@@ -369,10 +372,11 @@ def _wrenches_of_multipliers(context: Context, Lambda: Array) -> Array:
             wrench = np.zeros((6, Lambda.shape[1]))
             wrench[acts_along(context.mechanism, closure)] = Lambda[rows][0]
         else:
-            # The first six columns of W belong to the twist of frame B: what A gives to B.
-            of_frame_b = loops.W[rows, :6]
+            # A row of Phi is W [J_B; J_A], with the Jacobians of the frames at the world's origin.
+            # Its force Phi^T lambda thus has the wrench W^T lambda: six numbers on B, six on A.
+            W_B = loops.W[rows, :6]
             frame_b = data.oMf[frame_id(tree.model, frames_of(closure)[1])]
-            wrench = frame_b.toActionMatrix().T @ of_frame_b.T @ Lambda[rows]
+            wrench = frame_b.toActionMatrix().T @ W_B.T @ Lambda[rows]
         wrenches.append(wrench)
     return np.array(wrenches).reshape(-1, 6, Lambda.shape[1])
 
