@@ -2,10 +2,11 @@
 """The rows of a nonsmooth step: contacts, ropes, cables, stops and dry friction.
 
 A row is a direction of motion: there is a rate along it, and an impulse acts along it in a step.
-The kind of the row has a law for both; `impulses` lists these laws and computes the impulses. A
-contact has three rows, along x, y and z of its ground; the last one is its normal row. Each rope,
-each cable (a line that only pulls), each stop, and each joint or line with dry friction has one
-row.
+Each kind of row has a law that relates rate and impulse. A stop, for instance, can only push, and
+it pushes only if the joint would go beyond it. `impulses` lists these laws and computes the
+impulses. A contact has three rows, along x, y and z of its ground; the last one is its normal row.
+Each rope, each cable (a line that only pulls), each stop, and each joint or line with dry friction
+has one row.
 
 `NonsmoothRows` lists the rows of a mechanism with the numbers that are the same in all steps.
 `nonsmooth_step` computes those that depend on the state.
@@ -25,8 +26,9 @@ from ..errors import InputError
 from ..model.mechanism import Mechanism
 from .impulses import DRY, NORMAL, SIDE, STOP
 
-#: Largest correction that closes the loops after a step, relative to the step. The correction is of
-#: second order in the step, so a larger one means that the step is too long.
+#: A step goes straight ahead along the rates, which opens the loops a little. A correction then
+#: closes them: it bends the step. This is the largest correction, relative to the step. Corrections
+#: are of second order in the step, so a larger one means that the step is too long.
 LARGEST_BEND = 0.25
 #: At the start, contacts, ropes and stops may be violated by this part of the robot's length, or by
 #: this angle. The first step removes the violation at once, so that a larger one would be a jump.
@@ -210,14 +212,14 @@ class NonsmoothRows:
         return np.array([x.restitution for x in self.mechanism.contacts.points])
 
     @cached_property
-    def of_gaps(self) -> Indices:
+    def gap_rows(self) -> Indices:
         """Indices of the rows whose rate closes a gap: normal rows, then ropes, then stops."""
         row = np.arange(self.count)
         return np.concatenate([row[self.normals], row[self.parts.ropes], row[self.parts.stops]])
 
     @cached_property
     def gap_scale(self) -> Array:
-        """Scale of each gap, in the order of `of_gaps`: gap / gap_scale is free of units."""
+        """Scale of each gap, in the order of `gap_rows`: gap / gap_scale is free of units."""
         mechanism = self.mechanism
         of_lengths = len(mechanism.contacts.points) + len(mechanism.contacts.ropes)
         scale = [mechanism.length] * of_lengths
@@ -226,7 +228,7 @@ class NonsmoothRows:
 
     @cached_property
     def least_gaps(self) -> Array:
-        """The least gaps that a motion can start with, in the order of `of_gaps`.
+        """The least gaps that a motion can start with, in the order of `gap_rows`.
 
         They are negative, in the unit of the gap: metres, or radians for stops of rotations.
         """

@@ -347,8 +347,8 @@ class NonsmoothStep:
         """Indices of the rows of gaps that the loops hold constant: their J is rounding."""
         rows = self._rows
         scale = self._mechanism.rate_scale[self._mechanism.coordinates]
-        largest = np.abs(J[rows.of_gaps] * scale).max(axis=1, initial=0.0)
-        return rows.of_gaps[largest <= HELD_BY_LOOPS * rows.gap_scale]
+        largest = np.abs(J[rows.gap_rows] * scale).max(axis=1, initial=0.0)
+        return rows.gap_rows[largest <= HELD_BY_LOOPS * rows.gap_scale]
 
     def _approach(self, gaps: Array, J: Array, va: Array, free: Array, h: float) -> Array:
         """Biases of the normal rows, shape (contacts,).
