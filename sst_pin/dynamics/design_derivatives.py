@@ -60,7 +60,8 @@ class Group(NamedTuple):
 class FrameWrenches(NamedTuple):
     """Wrenches that act at frames and stay there if the design changes.
 
-    The external wrenches at the mass centres, another argument, already contain their effect.
+    They are given in addition to the external wrenches at the mass centres, which contain them too:
+    their moments about the mass centres change with the design.
 
     Attributes:
         frames: Names of the frames.
@@ -242,8 +243,9 @@ def _joints_at_places(by_place: Mapping[str, Array], group: int) -> list[Resting
 class Design:
     """Computes the derivatives of one robot by groups of parameters; one object per thread.
 
-    `_robot` computes the robot, `_larger` the mechanism with the added joints. The coordinates of
-    the larger mechanism are those of the robot, then the leaders of `_AddedJoints`.
+    `_robot` is the reference path of the robot, `_larger` that of the larger mechanism, which has
+    the added joints. The coordinates of the larger mechanism are those of the robot, then the
+    leaders of `_AddedJoints`.
     """
 
     def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
@@ -311,8 +313,8 @@ class Design:
             _put(np.zeros((bodies, 3)), self._body_indices, of_robot.offsets),
         )
 
-    def _at(self, q: Array) -> tuple[Array, Context]:
-        """The configuration x of the larger mechanism at q, and its context with L at x."""
+    def _evaluate_larger(self, q: Array) -> tuple[Array, Context]:
+        """Compute L of the larger mechanism at q; returns its configuration x and its context."""
         x = _put(self._neutral, self._q_indices, q)
         context = self._larger.context
         context.complement.evaluate(x)
@@ -338,7 +340,7 @@ class Design:
         n = len(va)
         directions = self._directions
         try:
-            x, context = self._at(q)
+            x, context = self._evaluate_larger(q)
         except SingularConfigurationError:
             raise self._open_loops_error(q) from None
         # Columns of the larger mechanism's L: for the robot's coordinates, then for the leaders.
@@ -367,7 +369,8 @@ class Design:
     def _open_loops_error(self, q: Array) -> InputError:
         """The error for changes with which the loops cannot close; it names the groups."""
         groups = [group for group in self._groups if _opens_loops(self._robot, group, q)]
-        # Where rounding decides, no group may open the loops alone.
+        # If the loops open by little more than the tolerance, it can be that no group opens them
+        # alone. Then all groups are named.
         names = listed([group.label for group in groups or self._groups])
         cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
         return InputError("names", f"changes of {names} alone open the loops; {cure}")
@@ -422,7 +425,8 @@ class Design:
         by_q_va_aa = self._larger.torque_derivatives(
             x, np.append(va, at_rest), np.append(aa, at_rest), wrenches, sign_width
         )
-        # Rows of the robot's coordinates. Columns of q come first: coordinates, then leaders.
+        # The rows are the coordinates, then the leaders, and so are the columns for q, which come
+        # before those for va and aa. Forces on the robot's coordinates, by q of the leaders:
         derivatives = by_q_va_aa[:n, n : n + leaders] @ directions
         if at_frames is not None:
             derivatives -= self._moment_derivatives(x, at_frames) @ directions
@@ -458,7 +462,7 @@ class Design:
 def _opens_loops(robot: Reference, group: Group, q: Array) -> bool:
     """Whether a change of this group alone opens the loops at q."""
     try:
-        Design(robot, [group])._at(q)
+        Design(robot, [group])._evaluate_larger(q)
     except SingularConfigurationError:
         return True
     return False
