@@ -195,8 +195,8 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     mechanism = context.mechanism
     v, v_dot = context.complement.motion(q, va, aa)
     L = context.complement.L  # at q, by `motion`
-    # A parameter of rate k acts with the force parameter x_k on this rate alone, so that its column
-    # is column k of L^T diag(x). Here x are v, sign v, v_dot, and so on.
+    # A parameter p of rate k gives the force p x_k, on this rate alone. Its column is column k of
+    # L^T diag(x), which is L.T * x. For viscous friction x = v, for rotors x = v_dot, and so on.
     viscous = L.T * v
     unit_friction = Friction(np.zeros(len(v)), np.ones(len(v)), mechanism.friction.sign_width)
     coulomb = L.T * -unit_friction.forces(v)
@@ -242,7 +242,8 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     by_body = S.dot(L).T.dot(Y_tree).reshape(n, tree.model.njoints - 1, len(OF_BODY))
     weight_shares = context.mechanism.weight_shares
     if weight_shares is not None:
-        # Some bodies lack a part of their weights, and so of the forces at rest. The mass and first
+        # Y_tree has the whole weight of each body, but on some bodies only a share of it acts. The
+        # forces of the remaining part, which are forces at rest, are subtracted. Mass and first
         # moment of this part are linear in those of the body.
         at_rest = np.zeros(tree.model.nv)
         Y_weights = pin.computeJointTorqueRegressor(
