@@ -52,7 +52,7 @@ def inverse_for_torques(mechanism: Mechanism, A: Array, weights: Array | None = 
     if weights is not None:
         root_weights = np.sqrt(weights)
     # The sum of weights tau^2 is |x|^2 with x = root_weights tau. So x is the shortest solution of
-    # (units A / root_weights) x = units f.
+    # (units A / root_weights) x = units f. The factors `units` make its rows free of units.
     U, s, Vt = np.linalg.svd(units[:, None] * A / root_weights, full_matrices=False)
     # The rank must not depend on the weights: it is that of A free of units.
     if (root_weights != mechanism.motor_scale).any():
@@ -87,8 +87,8 @@ def preload_directions(
     Args:
         mechanism: The mechanism.
         J: Actuator Jacobians, shape (..., motors, n).
-        reference: The actuator Jacobian to whose basis the first one is nearest, shape (motors, n);
-            None for the first finite sample.
+        reference: An actuator Jacobian, shape (motors, n). The first sample gets the basis that is
+            nearest to the basis of this one. If None, it is that of the first finite sample.
         on_error: "raise" to refuse samples with another number of directions, "nan" for NaN there.
 
     Raises:
