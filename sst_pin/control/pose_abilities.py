@@ -120,7 +120,7 @@ def force_polytope(
     factors = factors_of_sums(chain.preload_directions(single), limits)
     sums = sums_of(factors, part_of(chain.compute_torques(single, zero, zero), limits))
     if np.abs(sums).max() >= 1:
-        names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
+        names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))  # of the largest sum
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
 
     # Let x be the components of a force along the directions in which the frame can move. It
@@ -157,7 +157,7 @@ def acceleration_ellipsoid(
     by default; `turning` means angular accelerations.
 
     Returns:
-        Accelerations, [m/s^2] or [rad/s^2]; the center is that without torques.
+        Accelerations, [m/s^2] or [rad/s^2]; the center is the acceleration without torques.
     """
     require_robot("chain", chain)
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
@@ -196,7 +196,7 @@ def acceleration_polytope(
 
 
 def _largest_torques(chain: ClosedChain, torques: ArrayLike) -> Array:
-    """Largest torques, shape (motors,)."""
+    """Largest torques, shape (motors,); limits that differ in both directions are refused."""
     limits = finite_limits(torques, len(chain.motor_names), "torques")
     if not (limits[:, 0] == -limits[:, 1]).all():
         raise InputError("torques", "an ellipsoid has the same limits in both directions")

@@ -196,8 +196,8 @@ class Poses(Measurement):
             raise InputError("poses", problem)
         rotations("poses", R[~some_missing])
         last_row = np.array([0.0, 0.0, 0.0, 1.0])
-        last = np.where(np.isnan(poses[:, 3]), last_row, poses[:, 3])
-        if (last != last_row).any():
+        given = np.where(np.isnan(poses[:, 3]), last_row, poses[:, 3])
+        if (given != last_row).any():
             raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
 
     @property
@@ -207,7 +207,7 @@ class Poses(Measurement):
 
     @property
     def measured_positions(self) -> Array:
-        """Shape (N, 3)."""
+        """Measured positions, shape (N, 3), [m]; NaN where they were not measured."""
         array = np.asarray(self.poses, dtype=float)
         return array if array.ndim == 2 else array[:, :3, 3]
 
@@ -239,7 +239,7 @@ class Poses(Measurement):
         return Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), are_angles=True)
 
     def guess_of_base(self, b: Array) -> pin.SE3:
-        """The rigid motion that fits the measured positions to the frame's (Kabsch)."""
+        """The rigid motion that maps the measured positions best onto those of b (Kabsch)."""
         measured = self.measured_positions
         k = np.isfinite(measured).all(axis=1)
         in_system = measured[k]
