@@ -25,10 +25,10 @@ with a fixed *probe vector* s of random signs. It computes s^T A once for all so
 One number is enough. The entries of r come from different roundings. With random signs, s . r is
 close to a normal variable with mean zero and standard deviation |r|. If |r| is k times the bound,
 |s . r| is below the bound with a probability of about 0.8 / k: the density of a normal variable at
-zero, 0.4 / |r|, times the width 2 |r| / k. So of the samples with k = 100 less than one of 100
-passes, and its residual is 100 * 30 eps |A| |x|, which is below 1e-12 |A| |x|. A residual that is
-ten times larger passes ten times less often. The signs are the same in all runs, so that a sample
-gets the same verdict each time.
+zero, 0.4 / |r|, times the width 2 |r| / k. For instance k = 100 means |r| = 100 * 30 eps |A| |x|,
+which is still below 1e-12 |A| |x|. Less than one in 100 of such samples passes. With a residual ten
+times larger, ten times fewer pass. The signs are the same in all runs, so that a sample gets the
+same verdict each time.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -57,11 +57,12 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Rounding of double precision, for which the thresholds are chosen.
 _DOUBLE = float(np.finfo(float).eps)
-#: Largest residual of a solution x, in multiples of eps |A| |x|: elimination without growth leaves
-#: a few of these for each unknown of a loop.
+#: Largest residual of a solution x, in multiples of eps |A| |x|. Elimination without growth leaves
+#: a few multiples for each unknown of a loop.
 _ROUNDINGS = 30
-#: A force counts as supplied if the missing part is below `UNSUPPLIED`, or below this many
-#: roundings. The latter is larger in single precision: linear solutions may lose four digits.
+#: A force counts as supplied if the missing fraction is below `UNSUPPLIED`, or below this many
+#: roundings, because linear solutions may lose four digits. In single precision, this bound is the
+#: larger one.
 _MISSING = 1e4
 #: Relative rounding error of the sum of all forces in double precision: the sum has some tens of
 #: terms, each with its rounding.
@@ -95,15 +96,15 @@ class _Probe(NamedTuple):
 class Checks:
     """Checks of one robot's kernels.
 
-    A kernel returns `of_state` and the checks of its quantity. Most members are lists of checks; a
-    list is empty if there is nothing to check, such as redundant rows of a robot without these:
+    A kernel returns `of_state` and the checks of its quantity. Members return lists of checks. A
+    list is empty if there is nothing to check, for instance if a robot has no redundant rows:
 
-    - names `of_...` and `massless`: all checks of one part of a computation;
+    - members `of_...` and `massless`: all checks of one part of a computation;
     - `unsolved` and `unbalanced`: the check of one linear solution;
     - `redundant_in_accelerations` and `unsupplied`: checks of what a linear solution leaves out.
 
-    Two members are parts of `of_state`: `small_pivots` is one check, and `unit_lengths` is a term
-    of the first check.
+    Two members return a single expression instead: `small_pivots`, which is a check of `of_state`,
+    and `unit_lengths`, a term of its first check.
 
     Args:
         equations: The equations of the robot.
@@ -144,8 +145,9 @@ class Checks:
         """The sum of squares of the scaled residuals, relative to the square of the bound.
 
         If it is at most 1, each residual is at most the bound. To find the largest residual would
-        take a branch for each. The `squared_gap` of a row is its term of the sum; if rows share a
-        term, it is zero for all of them but the first.
+        take a branch for each. The `squared_gap` of a row is its term of the sum. Rows may share a
+        term, such as the two rows that keep the axis of a hinge parallel: then the first row has
+        it, and the others have zero.
         """
         e = self._equations
         squares = [s**2 * x.squared_gap for s, x in zip(self._row_scale, e.rows, strict=True)]
@@ -160,9 +162,9 @@ class Checks:
     def small_pivots(self) -> Any:
         """More than 1 where a pivot of Phi_u is much smaller than at the sample configurations.
 
-        It is the sum of (size / (1000 pivot))^2 over all pivots, with their largest sizes in the
-        samples. For `Orthogonal` parts (see `_redundant`), pivots and sizes are squared lengths,
-        and 1000 is squared too.
+        It is the sum of (size / (1000 pivot))^2 over all pivots. The size of a pivot is its largest
+        one at the sample configurations. In parts of the class `Orthogonal` (see `_redundant`), a
+        pivot is a squared length, so that its term is (size / (1000^2 pivot))^2.
         """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
@@ -365,9 +367,9 @@ class Checks:
 
     @property
     def of_accelerations(self) -> list[Any]:
-        """Checks of all linear solutions in direct dynamics but that with the mass matrix.
+        """Checks of all linear solutions in direct dynamics but the one with the mass matrix.
 
-        Its equations use the accelerations of the joints for aa = 0.
+        Direct dynamics uses the accelerations of the joints for aa = 0.
         """
         e = self._equations
         return self.of_rates + self.of_joint_accelerations(e.dv_without_aa) + self.of_complement
