@@ -1,13 +1,23 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels as C99: straight-line code on `real`, a number or a vector of samples.
 
-`c_statements` writes the statements of a kernel. `body` makes functions of them, and `library`
-makes the sources of a library of functions and templates. Templates are files of the folder `c`;
-their blanks, such as ${name}, get the texts and numbers of a kernel.
+- `c_statements` writes the statements of a kernel;
+- `body` makes functions of these statements;
+- `library` makes the sources of a library from these functions and from *templates*. Templates are
+  files of the folder `c`; their blanks, such as ${name}, get the texts and numbers of a kernel.
+
+Arrays of the functions:
+
+    x   the inputs of a sample, one after the other
+    p   the symbolic parameters, then constants that are computed from them alone
+    y   results and checks, then intermediate results
 
 A kernel *along directions* computes a matrix column by column (`along_directions`). Its C consists
 of a function that runs *once* for a sample, and of *passes*, functions that compute the columns of
-a group of coordinates.
+a group of coordinates. A pass has two more arrays:
+
+    d   the direction: a rate for each coordinate of the pass
+    o   the array y of the function that runs once
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -90,7 +100,7 @@ STYLES = {
 
 
 class KernelSource(NamedTuple):
-    """The C of a kernel; `c_statements` describes the arrays x, p, y, d and o, c/real.h the types.
+    """The C of a kernel; c/real.h has the types.
 
     Every kernel has a function that computes the constants in p from the parameters:
 
@@ -101,27 +111,28 @@ class KernelSource(NamedTuple):
         void <name>_once(const real *x, parameters p, real *y)
         void <name>_pass_<k>(x, p, const number *o, const real *d, real *y)
 
-    Any other kernel has one function that computes its results and checks:
+    Each of them can be compiled by itself. Any other kernel has one function that computes its
+    results and checks:
 
         void <name>(const real *x, parameters p, real *y)
     """
 
-    #: The function of constants, then the kernel; of one along directions only the former.
+    #: The function of constants. After it stands the function of the kernel, unless the kernel is
+    #: along directions.
     text: str
     #: Size of p.
-    size: int
-    #: Size of the array y, of a kernel along directions that of the function that runs once.
-    room: int
-    #: Of a kernel along directions the function that runs once, then the passes; each can be
-    #: compiled by itself.
+    p_size: int
+    #: Size of y in the function of the kernel; along directions, in the function that runs once.
+    y_size: int
+    #: For a kernel along directions: the function that runs once, then the passes.
     functions: tuple[str, ...] = ()
-    #: Size of an array y that is large enough for each pass.
-    room_of_passes: int = 0
+    #: The largest size of y in a pass; 0 without passes.
+    y_size_of_passes: int = 0
 
 
 def body(
     kernel: SymbolicKernel,
-    size: int | None = None,
+    p_size: int | None = None,
     suffix: str = "",
     *,
     in_memory: bool = False,
@@ -131,18 +142,19 @@ def body(
 
     Args:
         kernel: The kernel.
-        size: Size of p before the constants of this kernel; by default the number of parameters.
+        p_size: Size of p before the constants of this kernel; by default the number of parameters.
         suffix: The suffix of literals, "f" in single precision.
-        in_memory: Whether results that are used much later are kept in an array, in GNU C.
+        in_memory: Whether intermediate results that are used much later are kept in an array, by
+            `statements.with_results_in_memory`, in GNU C.
         recompute: Whether cheap results and addresses are computed again instead of kept, for GPUs.
-            This leaves long functions as they are: their parts hand results on in an array.
+            Functions that are divided into parts (`_function`) stay as they are.
     """
-    writer = written(kernel, size, suffix)
+    writer = written(kernel, p_size, suffix)
     name = kernel.name
     constants = statements.function(
         f"static void {name}_constants(constants p)", ["(void)p;", *writer.lines[OF_PARAMETERS]]
     )
-    arranged = statements.with_results_in_memory if in_memory else list
+    arrange = statements.with_results_in_memory if in_memory else list
     is_along = kernel.along is not None
     # Along directions it runs once for a sample; otherwise it is the only function.
     once = _function(
@@ -150,12 +162,12 @@ def body(
         name=f"{name}_once" if is_along else name,
         arguments="const real *x, parameters p, real *restrict y",
         lines=writer.lines[OF_SAMPLE],
-        room=writer.room,
-        arranged=arranged,
+        entries=writer.y_size,
+        arrange=arrange,
         recompute=recompute,
     )
     if kernel.along is None:
-        return KernelSource(f"{constants}\n{once.text}", writer.size, once.room)
+        return KernelSource(f"{constants}\n{once.text}", writer.p_size, once.y_size)
     passes = []
     for k, one in enumerate(kernel.along.passes):
         function = _function(
@@ -163,17 +175,17 @@ def body(
             name=f"{name}_pass_{k}",
             arguments=_OF_PASSES,
             lines=writer.lines[k],
-            room=one.results.numel() + one.checks.numel(),
-            arranged=arranged,
+            entries=one.results.numel() + one.checks.numel(),
+            arrange=arrange,
             recompute=recompute,
         )
         passes.append(function)
     return KernelSource(
         text=constants,
-        size=writer.size,
-        room=once.room,
+        p_size=writer.p_size,
+        y_size=once.y_size,
         functions=(once.text, *(function.text for function in passes)),
-        room_of_passes=max(function.room for function in passes),
+        y_size_of_passes=max(function.y_size for function in passes),
     )
 
 
@@ -181,8 +193,8 @@ class _Function(NamedTuple):
     """The C of a function."""
 
     text: str
-    #: Size of its y.
-    room: int
+    #: Size of its array y.
+    y_size: int
 
 
 def _function(
@@ -191,22 +203,23 @@ def _function(
     name: str,
     arguments: str,
     lines: Sequence[str],
-    room: int,
-    arranged: Callable[[Sequence[str]], list[str]],
+    entries: int,
+    arrange: Callable[[Sequence[str]], list[str]],
     recompute: bool,
 ) -> _Function:
     """A function of some statements.
 
-    A long function is divided into parts, each a function of its own. They hand results on in an
-    array w, which is the end of y, after its first `room` entries.
+    A long function is divided into parts, each a function of its own. A part hands intermediate
+    results on to later parts in an array w. It is the end of y, after its first `entries` entries.
 
     Args:
         storage: "static", or SEPARATE (c/real.h) for a function that can be compiled by itself.
         name: Its name.
         arguments: Its arguments in C.
         lines: Its statements.
-        room: Number of entries that the statements write to y.
-        arranged: Changes where results are kept in the statements of one function.
+        entries: Number of entries of y that the statements write.
+        arrange: Returns the statements of one function in another form: it decides where the
+            compiler keeps intermediate results.
         recompute: As in `body`.
     """
     # The names of the arguments, without their types.
@@ -217,33 +230,33 @@ def _function(
     if len(lines) <= statements.LARGEST:
         if recompute:
             lines = with_addresses_again(with_cheap_results_again(lines))
-        body_lines = arranged(statements.with_sines_together(lines))
-        return _Function(statements.function(head, [unused, *body_lines]), room)
+        body_lines = arrange(statements.with_sines_together(lines))
+        return _Function(statements.function(head, [unused, *body_lines]), entries)
     parts, handed_on = statements.in_parts(statements.pieces(lines))
     texts: list[str] = []
     calls: list[str] = []
     for k, part_lines in enumerate(parts):
         head_of_part = f"PART {name}_{k}({arguments}, real *restrict w)"
-        lines_of_part = [f"{unused} (void)w;", *arranged(part_lines)]
+        lines_of_part = [f"{unused} (void)w;", *arrange(part_lines)]
         texts.append(statements.function(head_of_part, lines_of_part))
-        calls.append(f"{name}_{k}({', '.join(names)}, y + {room});")
+        calls.append(f"{name}_{k}({', '.join(names)}, y + {entries});")
     texts.append(statements.function(head, calls))
-    return _Function("\n".join(texts), room + handed_on)
+    return _Function("\n".join(texts), entries + handed_on)
 
 
 class KernelSources(NamedTuple):
-    """The C of several kernels, which share p."""
+    """The C of several kernels, which share p; the members are those of `KernelSource`."""
 
-    #: Their functions, except for those of a kernel along directions.
+    #: The text of each kernel.
     texts: list[str]
-    #: The functions of a kernel along directions: the one that runs once, then the passes.
+    #: The functions of a kernel along directions.
     functions: list[str]
     #: Size of p: the parameters, then the constants of each kernel.
-    size: int
-    #: Size of an array y that is large enough for each kernel.
-    room: int
-    #: Size of an array y that is large enough for each pass.
-    room_of_passes: int
+    p_size: int
+    #: The largest size of y.
+    y_size: int
+    #: The largest size of y in a pass.
+    y_size_of_passes: int
 
 
 def bodies(
@@ -255,17 +268,17 @@ def bodies(
 ) -> KernelSources:
     """The C of several kernels; the arguments are those of `body`."""
     sources = list[KernelSource]()
-    size = None  # of p, to which each kernel adds its constants
+    p_size = None  # each kernel adds its constants to p
     for kernel in kernels:
-        source = body(kernel, size, suffix, in_memory=in_memory, recompute=recompute)
-        size = source.size
+        source = body(kernel, p_size, suffix, in_memory=in_memory, recompute=recompute)
+        p_size = source.p_size
         sources.append(source)
     return KernelSources(
         texts=[source.text for source in sources],
         functions=[text for source in sources for text in source.functions],
-        size=sources[-1].size,
-        room=max(source.room for source in sources),
-        room_of_passes=max(source.room_of_passes for source in sources),
+        p_size=sources[-1].p_size,
+        y_size=max(source.y_size for source in sources),
+        y_size_of_passes=max(source.y_size_of_passes for source in sources),
     )
 
 
@@ -275,37 +288,36 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     The library has
 
     - `prepare_<entry>`, which computes the constants in p;
-    - `run_<entry>`, which runs the kernel on rows of samples; for rollouts it makes steps;
+    - `run_<entry>`, which runs the kernel on many samples, or makes the steps of rollouts;
     - `sizes_run_<entry>`, the sizes of p, of the output, and of each input of `run`, then -1;
-    - for rollouts `rate_<entry>`, which runs "state_rate" on samples with q and va in one array,
-      and `sizes_rate_<entry>`.
+    - for rollouts `rate_<entry>`, which runs "state_rate" on many samples with q and va in one
+      array, and `sizes_rate_<entry>`.
 
-    An option of the compiler defines LANES, the number of samples that are computed at once. For a
-    kernel along directions it is the number of directions; its function that runs once for a sample
-    is in a source of its own, on plain numbers.
+    An option of the compiler defines LANES, the number of samples that are computed at once. In a
+    kernel along directions, the passes compute this number of directions of one sample at once.
     """
     sources = bodies(kernels, in_memory=True)
-    # The kernel of the quantity is the last one; for rollouts it is "state_rate", after "closing".
+    # `closing` is empty, or for rollouts a list of the kernel "closing".
     *closing, kernel = kernels
     sizes = [symbols.numel() for symbols in kernel.inputs.values()]
     outputs = kernel.output.numel()
     blanks: dict[str, object] = {
         "entry": entry,
         "calls": "\n    ".join(f"{each.name}_constants(p);" for each in kernels),
-        "size": sources.size,
+        "p_size": sources.p_size,
         "name": kernel.name,
         "q": sizes[0],
         "inputs": sum(sizes),
         "outputs": outputs,
-        "results": outputs,  # along directions: the size of the whole result, set below
+        "results": outputs,  # along directions, `blanks_of_directions` has the size of the matrix
         "checks": kernel.checks.numel(),
-        "room": sources.room,
+        "y_size": sources.y_size,
     }
     if closing:
         entries = _entries_of_rollouts(closing[0], sizes, blanks)
     elif kernel.along is not None:
         of_passes = _blanks_of_passes(kernel.name, kernel.along)
-        of_passes["room_of_passes"] = sources.room_of_passes
+        of_passes["y_size_of_passes"] = sources.y_size_of_passes
         blanks |= blanks_of_directions(kernel.along)
         entries = _entry("along.c", "run", sizes, blanks | of_passes)
     else:
@@ -344,7 +356,8 @@ def _entries_of_rollouts(
 
     Args:
         closing: The kernel "closing".
-        sizes: Sizes of the inputs of "state_rate": q, va, tau and, with loads, these.
+        sizes: Sizes of the inputs of "state_rate": q, va, tau, and the external wrenches if they
+            are an input.
         blanks: Texts for blanks of "state_rate".
     """
     q, va, tau, *load = sizes

@@ -80,12 +80,12 @@ class Expression(NamedTuple):
         return self.text[0] in "tsc"
 
 
-def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> "Writer":
+def written(kernel: SymbolicKernel, p_size: int | None = None, suffix: str = "") -> "Writer":
     """The statements of a kernel.
 
     Args:
         kernel: The kernel.
-        size: Size of p before the constants of this kernel; by default the number of parameters.
+        p_size: Size of p before the constants of this kernel; by default the number of parameters.
         suffix: The suffix of literals, "f" in single precision.
     """
     # The CasADi function. Inputs: x, p, then the direction of each pass. Outputs: y of the function
@@ -103,7 +103,7 @@ def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -
         outputs.append(ca.vertcat(part.results, part.checks))
     function = ca.Function(kernel.name, inputs, list(map(ca.densify, outputs)), {"cse": True})
 
-    writer = Writer(size or kernel.parameters.numel(), outputs[0].numel(), len(passes))
+    writer = Writer(p_size or kernel.parameters.numel(), outputs[0].numel(), len(passes))
     # An instruction reads and writes entries of a work array; each holds an expression.
     work = dict[int, Expression]()
     for k in range(function.n_instructions()):
@@ -155,20 +155,20 @@ class Writer:
     """Writes statements, sorted by what they depend on.
 
     Args:
-        size: Number of symbolic parameters.
-        room: Number of results and checks that are computed once.
+        p_size: Size of p before the constants of this kernel.
+        y_size: Size of y in the function that runs once, before results are stored for passes.
         passes: Number of passes along directions.
 
     Attributes:
         lines: The statements of each sort.
-        size: Size of p, with the constants that were stored so far.
-        room: Size of y, with the results for passes that were stored so far.
+        p_size: Size of p, with the constants that were stored so far.
+        y_size: Size of y, with the results for passes that were stored so far.
     """
 
-    def __init__(self, size: int, room: int, passes: int = 0) -> None:
+    def __init__(self, p_size: int, y_size: int, passes: int = 0) -> None:
         self.lines: dict[int, list[str]] = {sort: [] for sort in range(OF_PARAMETERS, passes)}
-        self.size = size
-        self.room = room
+        self.p_size = p_size
+        self.y_size = y_size
         #: The entry of p that stores a result of parameters, by the name of the result.
         self._in_p: dict[str, str] = {}
         #: The index "[k]" in y, which passes read as o, of a result of the sample, by its name.
@@ -271,8 +271,8 @@ class Writer:
     def _copy_to_p(self, x: Expression) -> str:
         """The entry of p with a result of parameters; its first reader makes the copy."""
         if x.text not in self._in_p:
-            self._in_p[x.text] = f"p[{self.size}]"
-            self.size += 1
+            self._in_p[x.text] = f"p[{self.p_size}]"
+            self.p_size += 1
             self.lines[x.depends_on].append(f"{self._in_p[x.text]} = {x.text};")
         return self._in_p[x.text]
 
@@ -282,8 +282,8 @@ class Writer:
         The function that runs once writes it as y, and a pass reads the same array as o.
         """
         if x.text not in self._in_y:
-            self._in_y[x.text] = f"[{self.room}]"
-            self.room += 1
+            self._in_y[x.text] = f"[{self.y_size}]"
+            self.y_size += 1
             self.lines[x.depends_on].append(f"y{self._in_y[x.text]} = {x.text};")
         return f"o{self._in_y[x.text]}"
 

@@ -141,7 +141,7 @@ def c_files(
     inverse_dynamics = "torques" if equations.driven else "forces"
     functions = list(_functions(equations, inverse_dynamics, style))
     blanks = _blanks_of_header_and_example(mechanism, q, inverse_dynamics, style)
-    blanks["size"] = len(numbers)
+    blanks["parameters"] = len(numbers)
     blanks["functions"] = "\n".join(function.declaration for function in functions)
     folder = as_path(folder)
     return {
@@ -346,8 +346,8 @@ def _of_kernel(
         "output": output,
         "outputs": returned,
         "parameters": kernel.parameters.numel(),
-        "size": source.size,
-        "room": source.room,
+        "p_size": source.p_size,
+        "y_size": source.y_size,
         "checks": results,  # the index of the first check
         "total": results + kernel.checks.numel(),  # the number of results and checks
     }

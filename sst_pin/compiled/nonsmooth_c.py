@@ -125,8 +125,8 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
         "entry": entry,
         "word": "run",
         "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in source.kernels),
-        "size": code.size,
-        "room": code.room,
+        "p_size": code.p_size,
+        "y_size": code.y_size,
         "sizes": listed([x.numel() for x in terms.inputs.values()]),
         "results": terms.output.numel(),
     }

@@ -344,7 +344,7 @@ def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
         "inputs": [x.numel() for x in kernel.inputs.values()],
         "output": kernel.output.numel(),
         "checks": kernel.checks.numel(),
-        "size": writer.size,
+        "size": writer.p_size,
         "room": room,
     }
     functions = ", ".join(f"{name}_{k}" for k in range(len(parts)))

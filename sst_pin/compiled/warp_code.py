@@ -117,13 +117,13 @@ def module(kernels: Sequence[SymbolicKernel], template: str, style: Style) -> st
     sources = c_code.bodies(kernels, style.suffix, recompute=True)
     blanks = _blanks_of_inputs(kernel) | {
         "name": kernel.name,
-        "room": sources.room,
+        "y_size": sources.y_size,
         "outputs": kernel.output.numel(),
         "checks": kernel.checks.numel(),
     }
     if kernel.along is not None:
         blanks |= _blanks_of_directions(kernel.along)
-        blanks["room_of_passes"] = sources.room_of_passes
+        blanks["y_size_of_passes"] = sources.y_size_of_passes
     if template in ("close", "step"):
         closing = kernels[0]  # for "close" the only kernel
         blanks |= _blanks_of_closing(closing, style)
@@ -136,7 +136,7 @@ def nonsmooth_module(source: StepSource, style: Style) -> str:
     """The text of a module that makes nonsmooth steps."""
     _, terms, _ = source.kernels
     sources = c_code.bodies(source.kernels, style.suffix, recompute=True)
-    blanks = _blanks_of_inputs(terms) | source.blanks | {"room": sources.room}
+    blanks = _blanks_of_inputs(terms) | source.blanks | {"y_size": sources.y_size}
     code = [
         *map(c_code.part, (*SOLVER, "nonsmooth_move.h")),
         c_code.filled("entries/warp_nonsmooth.h", blanks),
@@ -157,7 +157,7 @@ def _module_text(
     }
     code = [c_code.filled("entries/warp_prepare.h", blanks)]
     prepare = _kernel_text("prepare", _PREPARE, sources, code, style)
-    head = _HEAD.format(dtype=style.dtype, size=sources.size)
+    head = _HEAD.format(dtype=style.dtype, size=sources.p_size)
     return head + prepare + run
 
 

@@ -8,8 +8,8 @@ int ${word}_${entry}(const sample_array *in, const sample_array *out, const doub
     static const direction_pass passes[] = {${passes}};
     static const directional_kernel f = {${name}_once, ${inputs}, ${q}, ${outputs}, ${checks},
         ${results}, ${width}, ${count}, known_at, passes, ${rank}, ${entries}, order, entry_at};
-    double x[${inputs}], once[${room}], matrix[${results}];
-    real y[${room_of_passes}];
+    double x[${inputs}], once[${y_size}], matrix[${results}];
+    real y[${y_size_of_passes}];
     return run_by_directions(
         &f, ${arrays}, sizes_in, x, once, matrix, y, in, out, p, count, bad);
 }

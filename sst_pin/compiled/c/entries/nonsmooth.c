@@ -3,7 +3,7 @@ void run_${entry}(const double *p, const double *numbers, double h, ptrdiff_t st
     double *va, double *forces, double *residual, double *impulses, ptrdiff_t *reached)
 {
     ${tables}
-    real x[${inputs}], y[${room}], ends[2 * ${q}];
+    real x[${inputs}], y[${y_size}], ends[2 * ${q}];
     double terms[${outputs}], q_of_one[${q}], va_of_one[${n}];
     int flags[FLAGS(${m})];
     double *work = malloc(WORKSPACE(${n}, ${m}, ${motors}) * sizeof(double));

@@ -1,1 +1,1 @@
-const int sizes_${word}_${entry}[] = {${size}, ${results}, ${sizes}, -1};
+const int sizes_${word}_${entry}[] = {${p_size}, ${results}, ${sizes}, -1};

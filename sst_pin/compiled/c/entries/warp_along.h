@@ -18,7 +18,7 @@ RUN
     static const int order[] = {${order}}, entry_at[] = {${entry_at}};
     ${tables}
     const parameters own = column(p, i);
-    real x[${inputs}], once[${room}], y[${room_of_passes}];
+    real x[${inputs}], once[${y_size}], y[${y_size_of_passes}];
     const real *inverses = once + ${outputs}, *L = inverses + ${rank}, *checks = L + ${entries};
     ${takes}
     ${name}_once(x, own, once);

@@ -4,7 +4,7 @@ RUN
 {
     const int nq = ${q};
     const number units[] = {${units}};
-    real x[${inputs}], y[${room}], length = 1;
+    real x[${inputs}], y[${y_size}], length = 1;
     ${takes}
     int bad = judge_numbers(x, nq, nq);
 #pragma unroll 1

@@ -17,7 +17,7 @@ static void run(int i, const rows &q, const rows &va, const rows &tau,
     const int first_dry_line = m - ${dry_lines};
     const parameters own = column(p, i);
     const number *own_numbers = &at(numbers, numbers.shape[0] > 1 ? i : 0, 0);
-    number x[${inputs}], y[${room}], ends[2 * ${q}], work[WORKSPACE(${n}, ${m}, ${motors})];
+    number x[${inputs}], y[${y_size}], ends[2 * ${q}], work[WORKSPACE(${n}, ${m}, ${motors})];
     number torque[${motors} + 1], position[${motors} + 1], impulse[${m} + 1], force[${m} + 1];
     int workspace_flags[FLAGS(${m})];
     number worst = 0; /* the largest residual of a step */

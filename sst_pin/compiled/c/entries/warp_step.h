@@ -7,7 +7,7 @@ RUN
     const int nq = ${q}, states = ${outputs}, outputs = nq + 2; /* of rate, of close */
     const number units[] = {${units}};
     const parameters own = column(p, i);
-    real x[${inputs}], y[${room}], start[states], end[states];
+    real x[${inputs}], y[${y_size}], start[states], end[states];
     ${takes}
     ${close}(x, own, y);
     real det = y[nq];

@@ -24,7 +24,7 @@ enum {
 
 /* Gravity, masses, inertias, friction, springs, rotors, lines; robot.c says which is which. They
  * may be changed between calls. */
-extern ${type} robot_parameters[${size}];
+extern ${type} robot_parameters[${parameters}];
 
 ${functions}
 #ifdef __cplusplus
