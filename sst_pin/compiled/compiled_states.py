@@ -71,12 +71,13 @@ class CompiledStateSpace(StateSpace):
         """q with closed loops, by kernels that make steps of Newton's method."""
         if self._closing is None:
             return super().closed(states)
-        # If the loops were closed to about 1e-6 before a step, the kernel answers, and one more
-        # step suffices, because each step squares the error.
         q = states[..., : self._nq]
+        # The kernel answers if the loops were closed to about 1e-6 before the step. A second step
+        # then suffices, because each step squares the error.
         after_first = _closing_step(self._closing, q)
         if after_first is not None:
             after_second = _closing_step(self._closing, after_first)
+            # If the kernel refuses the second step (near a singularity), the first one is enough.
             return after_first if after_second is None else after_second
         # Some loops were open: more steps for all samples.
         rows = np.ascontiguousarray(q.reshape(-1, self._nq))
@@ -92,8 +93,9 @@ class CompiledStateSpace(StateSpace):
         rates = None
         kernel = self._rate_kernel(wrenches is not None)
         if kernel is not None:
+            # This kernel has three inputs: states, torques, and wrenches as one vector.
             load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
-            rates = kernel.answer(states, tau, load, None, None, 1)
+            rates = kernel.answer(states, tau, load, load=None, out=None, threads=1)
         return super().rate(states, tau, wrenches) if rates is None else rates
 
     def _acceleration_derivatives(
@@ -130,16 +132,19 @@ class CompiledStateSpace(StateSpace):
         The reference path continues from the last valid state until the coordinates are good again,
         then the kernel continues, and so on. The result is the number of valid states.
         """
+        wrenches = wrenches_of(motions, i, None)
         while count <= motions.steps:  # a whole motion has steps + 1 states
-            last = max(count - 1, 0)  # without a valid state, the start
-            wrenches = wrenches_of(motions, i, None)
-            end = self._fill(motions.rest(i, last), 0, wrenches, until_good=True)
+            # `rest` is the motion from state `last` on, which is the last valid one, or the start.
+            last = max(count - 1, 0)
+            rest = motions.rest(i, last)
+            end = self._fill(rest, 0, wrenches, until_good=True)
             count = last + end.valid
             if count > motions.steps or end.error is not None:
                 return count
+
             last = count - 1
             rest = motions.rest(i, last)
-            by_kernel = int(self._by_kernel(kernel, rest, 1)[0])
+            by_kernel = int(self._by_kernel(kernel, rest, threads=1)[0])
             if by_kernel == 0:
                 # The kernel refuses the last state, which the reference path found valid. It has
                 # overwritten this state. The reference path takes the next step.
@@ -152,7 +157,8 @@ class CompiledStateSpace(StateSpace):
     def _by_kernel(self, kernel: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
         """Fill states of motions by the kernel; numbers of valid states, shape (N,)."""
         # For each state: det Phi_u, and 1 if the step from this state is sound, else 0.
-        verdicts = np.empty((*motions.q.shape[:2], 2))
+        states = motions.steps + 1
+        verdicts = np.empty((len(motions.q), states, 2))
         reached = kernel.run(
             motions.dt,
             motions.q0,
@@ -173,13 +179,15 @@ class CompiledStateSpace(StateSpace):
     def _continuous(
         self, motions: RolloutArrays, determinants: Array, sound: Flags, reached: Indices
     ) -> Indices:
-        """Number of states of each motion before the kernel must stop, shape (N,).
+        """Number of states of each motion up to the first bad step, shape (N,).
 
-        It must stop before a step that leaves the assembly mode or that needs other coordinates.
-        Between two assembly modes, near a singularity and at a dead point of the coordinates, a
-        block of Phi_u is almost singular. So the kernel finds a short step sound if det Phi_u
-        changes little to the middle and to the end of the step. Steps that are not sound, and steps
-        from states where |det Phi_u| falls, are judged here by the reference path.
+        A step is bad if it leaves the assembly mode, or if it should be made in other coordinates.
+        The reference path can tell, but it is slow. So it judges only two sorts of steps:
+
+        - Steps that are not sound. Between two assembly modes, and near a singularity, a block of
+          Phi_u is almost singular, so that det Phi_u changes much in a step.
+        - Steps from states where |det Phi_u| falls. It is small near a dead point of the
+          coordinates, where other coordinates are better.
 
         Args:
             motions: The motions.
@@ -188,19 +196,19 @@ class CompiledStateSpace(StateSpace):
             reached: Number of states that the kernel has computed, shape (N,).
         """
         q = motions.q
-        until = reached.copy()
-        steps = np.arange(motions.steps)
-        has_start = steps < reached[:, None]  # shape (N, steps)
-        has_end = steps + 1 < reached[:, None]
-        unsound = has_end & ~sound
-        near_dead_point = self._falls(determinants)[:, :-1]
-        for i, s in np.argwhere(has_start & (near_dead_point | unsound)):
-            if s >= until[i]:  # an earlier step has ended this motion
+        count = reached.copy()
+        # Step s leads from state s to state s + 1. Shape (N, steps): whether the kernel made it.
+        made = np.arange(1, motions.steps + 1) < reached[:, None]
+        falls = self._falls(determinants)[:, :-1]  # without the last state, which has no step
+        for i, s in np.argwhere(made & (falls | ~sound)):
+            if s >= count[i]:  # after the first bad step of this motion
                 continue
-            suits = self._coordinates_suit(q[i, s], motions.va[i, s], motions.dt)
-            if not suits or (unsound[i, s] and not self._continues(q[i, s], q[i, s + 1])):
-                until[i] = s + 1
-        return until
+            is_good = self._coordinates_suit(q[i, s], motions.va[i, s], motions.dt)
+            if is_good and not sound[i, s]:
+                is_good = self._continues(q[i, s], q[i, s + 1])
+            if not is_good:
+                count[i] = s + 1
+        return count
 
     def _coordinates_suit(self, q: Array, va: Array, h: float) -> bool:
         """Whether the coordinates describe the motion well for a step h from a state."""
@@ -213,10 +221,10 @@ class CompiledStateSpace(StateSpace):
         """States where |det Phi_u| falls to a new level, shape (N, steps + 1).
 
         The usual size of |det Phi_u| is the largest one of the motion and of the robot's example.
-        Level k begins at half of it divided by `CHANGE`^k. Each level counts once in a motion, so
-        that a motion along a dead point costs few tests.
+        Level k begins at half of the usual size, divided by `CHANGE`^k. Each level counts once in a
+        motion, so that a motion along a dead point costs few tests.
         """
-        sizes = np.abs(determinants)
+        sizes = np.abs(determinants)  # NaN for states that the kernel has not computed
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
         half = largest[:, None] / 2
         if not (sizes <= half).any():
