@@ -145,6 +145,8 @@ class NonsmoothTerms:
 
     # --- rows -------------------------------------------------------------------------------
 
+    # Methods `_row_of_...` return the number of a row, and add the row if it is new.
+
     def _add_rows(self) -> None:
         """Add the rows of all impulses and implicit forces to the layout, and the gaps.
 
@@ -186,24 +188,24 @@ class NonsmoothTerms:
 
     def _add_stops(self) -> None:
         for stop in self._rows.stops:
-            self._add_impulse(self._of_joint(stop.rate), stop.side)
+            self._add_impulse(self._row_of_joint(stop.rate), stop.side)
 
     def _add_dry_joints(self) -> None:
         for rate in self._rows.dry_rates:
-            self._add_impulse(self._of_joint(int(rate)))
+            self._add_impulse(self._row_of_joint(int(rate)))
 
     def _add_dry_lines(self) -> None:
         for k in self._rows.dry_lines:
-            self._add_impulse(self._of_line(int(k)))
+            self._add_impulse(self._row_of_line(int(k)))
 
     def _add_implicit_rows(self) -> None:
         rows: list[int] = []
         for rate in implicit_rates(self._e.parameters):
-            rows.append(self._of_joint(rate))
+            rows.append(self._row_of_joint(rate))
         for k in other_lines(self._rows):
-            rows.append(self._of_line(k))
+            rows.append(self._row_of_line(k))
         for motor in range(self._mechanism.motor_count):
-            rows.append(self._of_motor(motor))
+            rows.append(self._row_of_motor(motor))
         self.layout.implicit_row = rows
 
     def _add(self, row: SX) -> int:
@@ -216,29 +218,30 @@ class NonsmoothTerms:
         self.layout.row_start.append(len(self._entries))
         return number
 
-    def _of_joint(self, rate: int) -> int:
-        """The number of the row of a rate of the tree, which is added once."""
+    def _row_of_joint(self, rate: int) -> int:
+        """The number of the row of a rate of the tree."""
         if rate not in self._joints:
             self._joints[rate] = self._add(self._reduced({rate: SX(1)}))
         return self._joints[rate]
 
-    def _of_line(self, k: int) -> int:
-        """The number of the row of a line's length, which is added once."""
+    def _row_of_line(self, k: int) -> int:
+        """The number of the row of a line's length."""
         if k not in self._lines:
             self._lines[k] = self._add(self._reduced(self._e.tree.lines[k].row))
         return self._lines[k]
 
-    def _of_motor(self, k: int) -> int:
+    def _row_of_motor(self, k: int) -> int:
         """The number of the row of a motor's rate.
 
-        Cables are left out: a motor pulls them by their impulses.
+        If the motor drives one joint alone, it is the row of the joint. Cables are left out: a
+        motor pulls them by their impulses.
         """
         on_rates = self._mechanism.actuation[:, k]  # effort along each rate of the tree
         on_lines = self._mechanism.lines.actuation[:, k].copy()
         on_lines[self._rows.cables] = 0
         (driven,) = np.nonzero(on_rates)
         if len(driven) == 1 and on_rates[driven[0]] == 1 and not on_lines.any():
-            return self._of_joint(int(driven[0]))
+            return self._row_of_joint(int(driven[0]))
         row: Sparse = {int(i): SX(float(on_rates[i])) for i in driven}
         return self._add(self._reduced(add(row, self._e.tree.along_lines(on_lines.tolist()))))
 
