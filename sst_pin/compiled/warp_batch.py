@@ -46,7 +46,8 @@ _STYLES = {style.dtype: style for style in STYLES.values()}
 _BLOCK = 64
 #: The most blocks at the same time; with 0 Warp sets no limit.
 _BLOCKS = 0
-#: As the smoothing width of `prepare`: the kernel uses the width in the parameters.
+#: `prepare` takes a smoothing width of Coulomb friction. With this number instead, it uses the
+#: width in the parameters.
 _WIDTH_OF_PARAMETERS = -1.0
 
 
@@ -81,10 +82,10 @@ class State(NamedTuple):
 class WarpBatch:
     """Dynamics of many samples of one robot on one device.
 
-    Arguments are arrays of Warp on this device with numbers of this type and any strides, or arrays
-    that `wp.from_dlpack` takes, such as those of NumPy, PyTorch and JAX. No argument is copied. The
-    first axis counts the N samples. A method compiles its kernel at its first call, and the caches
-    of Warp and of this package keep it.
+    Arguments are arrays of Warp on the device of the batch, with numbers of its type and any
+    strides, or arrays that `wp.from_dlpack` takes, such as those of NumPy, PyTorch and JAX. No
+    argument is copied. The first axis counts the N samples. A method compiles its kernel at its
+    first call, and the caches of Warp and of this package keep it.
 
     Each method checks every sample. Results of bad samples are NaN. Every method takes two optional
     arrays of the caller:
@@ -638,7 +639,8 @@ class WarpBatch:
             if not hasattr(value, "__dlpack__"):
                 raise InputError(name, "not an array of Warp, and none that DLPack can share")
             value = wp.from_dlpack(value)
-        if value.shape[1:] != shape or count not in (None, value.shape[0]):
+        wrong_count = count is not None and value.shape[0] != count
+        if value.shape[1:] != shape or wrong_count:
             expected = ", ".join(map(str, ("N" if count is None else count, *shape)))
             raise InputError(name, f"shape {value.shape}, expected ({expected})")
         if value.dtype != dtype or value.device != self.device:

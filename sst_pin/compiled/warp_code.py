@@ -50,8 +50,8 @@ RUN = {
     "steps": "int",
     "status": "flags",
 }
-#: Arguments of `run` that hold the inputs of a kernel, in the order of these. Some kernels have
-#: only the first ones: "closing" has q, and the terms of nonsmooth steps have q and va.
+#: Arguments of `run` that hold the inputs of a kernel, in the order of the inputs. Some kernels
+#: have only the first ones: "closing" has q, and the terms of nonsmooth steps have q and va.
 _INPUTS = ("q", "va", "last")
 #: Arguments of `run` for nonsmooth steps.
 NONSMOOTH = {

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 # largest violation at the start of `ClosedChain.rollout`.
 #: The multiple for a step that begins a motion.
 FRESH = 1.0
-#: The multiple for a step that continues another one: the other step leaves a violation. If this is
-#: above 1/100 of the length or of a radian, the steps are too long for their motion.
+#: The multiple for a step that continues another one, because the other step leaves a violation. A
+#: violation above 1/100 of the length or of a radian means that the steps are too long.
 CONTINUED = 10.0
 #: The most rounds of the solver in a substep, by default. Each round consists of Gauss-Seidel
 #: sweeps and Newton's steps. There are fewer than the 30 of `rollout`, because neighbouring robots
