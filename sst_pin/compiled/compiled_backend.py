@@ -60,10 +60,10 @@ FIRST = (Quantity("torques"), Quantity("accelerations"))
 DERIVATIVES = (Quantity("torque_derivatives"), Quantity("acceleration_derivatives"))
 
 #: Derivatives of one sample are computed by directions if the directions of all coordinates fit
-#: into this number of vector registers. Then whole matrices take longer.
+#: into this number of vector registers. With more directions, a whole matrix takes less time.
 _MOST_REGISTERS = 2
-#: Batches too are computed by directions if n^2 nv is larger, with n coordinates and nv rates: the
-#: code of a whole matrix grows faster with the robot than the code of a direction.
+#: Single samples and batches are computed by directions if n^2 nv is larger, with n coordinates and
+#: nv rates: the code of a whole matrix grows faster with the robot than the code of a direction.
 _LARGEST = 10_000
 #: If there are this many kernels of derivatives, one for each smoothing width, all are dropped.
 _MOST_WIDTHS = 16
