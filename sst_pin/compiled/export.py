@@ -72,8 +72,9 @@ A step of Newton's method that closes the loops and keeps the coordinates. Start
  * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step."""
 #: The statements of `robot_computed_torque` that compute torques, without surplus motors.
 _SMALLEST = "const int bad = robot_torques(q, va, aa, tau);"
-#: The same statements with surplus motors: torques within the limits, if there are any. `both` has
-#: the least and the largest torque of each motor; COUNT is the number of motors.
+#: The same statements with surplus motors: torques within the limits, if there are such torques.
+#: `limits` has the largest torque of each motor, and `both` its least and its largest torque. COUNT
+#: is the number of motors.
 _WITHIN_LIMITS = """\
 for (int i = 0; i < COUNT; i++) {
         both[2 * i] = -limits[i];
@@ -230,12 +231,13 @@ def _limited_torques(mechanism: Mechanism, style: Style) -> _CFunction:
         "n": n,
         "motors": motors,
         "units": ", ".join(f"{x!r}{style.suffix}" for x in units),
-        # Newton's matrix is the sum over the motors that are within their limits. If there are too
-        # few of these, it is singular; so its diagonal gets this part of the norm of J more.
+        # The matrix of Newton's method is a sum over the motors that are within their limits. It is
+        # singular if these are too few. So this fraction of |J|^2 is added to its diagonal.
         "least_pivot": "1e-12" if double else "1e-6f",
-        # Largest error of a force, relative to the sum of its terms' sizes; well above rounding.
+        # Largest error of a force, relative to the sum of the sizes of its terms. It is well above
+        # rounding.
         "tolerance": "1e-11" if double else "1e-5f",
-        # Halvings of the interval of a search, a few more than a number has bits.
+        # Halvings of the interval of a bisection: a few more than a number has bits.
         "halvings": 60 if double else 30,
     }
     meaning = (

@@ -1,6 +1,6 @@
 ${head}
 {
-    ${type} x[${inputs}], y[${y_size}], p[${p_size}], finite = 0; /* NaN if a number is not finite */
+    ${type} x[${inputs}], y[${y_size}], p[${p_size}], finite = 0; /* NaN if one is not finite */
     int bad = 0;
 ${copies}
     for (int i = 0; i < ${inputs}; i++)

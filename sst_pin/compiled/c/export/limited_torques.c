@@ -34,9 +34,9 @@ ${head}
     for (int k = 0; k < ${motors}; k++)
         z[k] = 0;
     for (int step = 0; step < 60; step++) {
-        /* The Hessian J^T J of the motors that are not at a limit, in the first step of all motors,
-         * and its Cholesky factor H. A small number on the diagonal keeps it regular if too few
-         * motors are left. */
+        /* The Hessian J^T J of the motors that are not at a limit, and its Cholesky factor H. In
+         * the first step it is of all motors: this step leads to the smallest torques without
+         * limits. A small number on the diagonal keeps it regular if too few motors are left. */
         for (int i = 0; i < ${n}; i++)
             for (int j = 0; j <= i; j++) {
                 ${type} sum = i == j ? ${least_pivot} * squares : 0;
@@ -68,9 +68,8 @@ ${head}
                 dz[k] += J[${n} * k + i] * dp[i];
         }
 
-        /* The part of the step where the slope along it, g(p + part dp) . dp, is zero, by
-         * bisection; the whole step if the slope is negative at its end. The first step is made
-         * whole. */
+        /* Find by bisection the part of the step where the slope along it, g(p + part dp) . dp, is
+         * zero. If the slope is negative at the end, make the whole step, as always the first. */
         ${type} low = 0, part = 1, high = 1;
         for (int halving = 0; step > 0 && halving < ${halvings}; halving++) {
             ${type} slope = 0;
