@@ -143,7 +143,8 @@ class CasadiFunctions:
             residual = e.rows[i].residual
             if residual is not None:
                 of_rows[i] = residual
-        # The rows of an orthogonal part are combined by least squares.
+        # A part of the class `Orthogonal` combines all its rows by least squares, because no choice
+        # of them is independent everywhere.
         combined: dict[int, SX] = {}  # by dependent rate
         rows_of_combined = set[int]()
         for part in self._Phi_u.parts:

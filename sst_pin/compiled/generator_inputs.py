@@ -48,8 +48,9 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
         raise
     samples = [near]
     for seed in range(4 * _SAMPLES):
+        start = samples[seed % len(samples)]
         try:
-            samples.append(assembly.aside(samples[seed % len(samples)], seed))
+            samples.append(assembly.aside(start, seed))  # a configuration beside `start`
         except ClosureError:
             continue
         if len(samples) == _SAMPLES:

@@ -96,7 +96,7 @@ def step_source(
         "change": DETERMINANT_CHANGE,
         "least": LEAST_DETERMINANT * float(determinants.max()),
     }
-    # Sizes of arrays.
+    # Blanks for the sizes of arrays.
     sizes: dict[str, object] = {
         "n": counts["n"],
         "m": counts["m"],

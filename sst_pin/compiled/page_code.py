@@ -178,6 +178,7 @@ def page_code(equations: Sequence[Equations]) -> str:
 
     common_kernels = list(_common(first))
     if first.driven:
+        # `kernels.make` adds "_loaded" to the name; the page uses the name of the quantity.
         common_kernels.append(replace(kernels.make(first, "torques"), name="torques"))
     # All functions stand in one scope: their names begin with f0, or fi for set i = 1, 2, ...
     common = _functions(common_kernels, "f0")
@@ -212,7 +213,10 @@ def _set(e: Equations, prefix: str, has_contacts: bool) -> "_Code":
 
 
 def _dynamics(e: Equations) -> list[SymbolicKernel]:
-    """The kernels of direct dynamics by one choice of coordinates and pivots."""
+    """The kernels of direct dynamics by one choice of coordinates and pivots.
+
+    Their names are those in engine.js, without "_loaded".
+    """
     state_rate = replace(kernels.make(e, "state_rate"), name="state_rate")
     closing = replace(kernels.make(e, "closing"), name="closing")
     q_dot = e.kinematics.q_rates(e.v)
