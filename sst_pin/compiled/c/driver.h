@@ -284,8 +284,8 @@ INLINE int run_by_directions(const directional_kernel *f, int arrays, const int 
  * it is short and det Phi_u changes little to its middle and to its end. Other steps may stay in it
  * too: the caller judges them by slower means. */
 
-/* Arrays of many motions. `at` are the samples of step 0; those of each next step are `step_stride`
- * bytes farther. */
+/* An array of many motions. `at` are the samples of step 0. From the samples of a step to the
+ * samples of the next step it is `step_stride` bytes. */
 typedef struct {
     sample_array at;
     ptrdiff_t step_stride;
@@ -295,8 +295,8 @@ typedef struct {
  * about the square of the length, which is rounding. */
 #define LAST_STEP N(1e-8)
 
-/* A rollout of one robot. Lengths of steps in q are the largest of any joint; numbers of q times
- * `units` are free of units. */
+/* A rollout of one robot. A length of a step is the largest change of an entry of q, times its
+ * factor in `units`, which makes it free of units (`distance_between`). */
 typedef struct {
     int q, va, tau, load; /* sizes */
     int checks, close_checks;
@@ -308,8 +308,8 @@ typedef struct {
     /* A step is bent if closing the loops after it moves q by more than bend times the length of
      * the step + tolerance: h is then too long for the curvature of the motion, which ends. */
     double bend, tolerance;
-    double travel; /* longest sound step */
-    double nearby; /* longest step of Newton's method that closes the middle of a sound step */
+    double travel; /* length of the longest sound step */
+    double nearby; /* longest step of Newton's method that closes the loops in the middle of it */
     double change; /* largest factor by which det Phi_u changes in half a sound step */
 } stepper;
 
@@ -331,9 +331,9 @@ INLINE void take_torques(const stepper *f, real *x, const motion_array *tau, ptr
 }
 
 /* The Runge-Kutta method from the state in x, at which y are the rates. Afterwards `start` is this
- * state, and x and `end` are the state at the end of the step. The torques in the middle of step s
- * are `half` bytes after those at its beginning, those at its end twice as far. If `half` is 0, the
- * torques are constant in a step. */
+ * state, and x and `end` are the state at the end of the step. In the array of torques, the middle
+ * of step s is `half` bytes after its beginning, and its end is 2 `half` bytes after its beginning.
+ * If `half` is 0, the torques are constant in a step. */
 INLINE void runge_kutta(const stepper *f, real *x, real *y, real *start, real *end, const double *p,
     double h, const motion_array *tau, ptrdiff_t half, ptrdiff_t s, ptrdiff_t first, int lanes)
 {

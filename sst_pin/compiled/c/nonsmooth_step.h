@@ -16,8 +16,9 @@
  * The main function, `nonsmooth_step`, is near the end. It computes the free rates, sets the rows
  * of contacts, ropes, cables, stops and dry friction, and solves for the rows that act. */
 
-/* The loops hold a gap whose rate for rates of the coordinates, free of units, is not larger than
- * this: its rate is rounding. thresholds.py has the same number. */
+/* The loops hold a gap if it does not change with the coordinates: if its rate, for a unit rate of
+ * each coordinate, is at most this. Rates are free of units, and such a rate is rounding.
+ * thresholds.py has the same number. */
 #ifdef SINGLE
 #define HELD_BY_LOOPS 1e-5f
 #else
@@ -52,7 +53,9 @@ typedef struct {
     const number *friction, *restitution; /* of contacts */
     const number *offsets; /* of contacts and ropes: the gaps are the terms minus these */
     const number *line_stiffness, *rest_lengths, *line_damping, *preload; /* of cables */
-    const number *on_cables;           /* (cables, motors): push of each motor per effort */
+    /* shape (cables, motors): the force by which a motor pushes the ends of a cable apart, for a
+     * unit of its effort */
+    const number *on_cables;
     const number *limits;              /* of stops */
     const number *coulomb;             /* of dry friction */
     const number *damping, *stiffness; /* of implicit forces */
@@ -77,11 +80,11 @@ enum { NEVER_ACTS = -1, MAY_ACT, ACTS };
 typedef struct {
     int *state;
     number *bias, *compliance;
-    number *bounds; /* see impulses.h; the constant impulse of a cable without a row */
+    number *bounds; /* see impulses.h; of a cable without a row its constant impulse */
 } step_rows;
 
 /* The rows that act, as a problem of impulses.h. Rates are divided by the unit of their row and
- * impulses multiplied by it, so that both are square roots of energies. */
+ * impulses are multiplied by it (`set_units`). Both are then square roots of energies. */
 typedef struct {
     int count, wide; /* number of rows; length of the rows of Z and G */
     int *index;      /* of each row among all rows */
@@ -463,15 +466,18 @@ INLINED void set_Z(const step_start *b, const number *A, int wide, const acting_
     solve_many(A, acting->Z, robot->n, wide, acting->wide);
 }
 
-/* Set the units: square roots of the diagonal of J A^-1 J^T + compliance. The three rows of a
- * contact have one unit, so that the cone of friction stays round. If a diagonal entry is zero, no
- * impulse can change the rate of this row: it never acts from now on. Returns whether there is such
- * a row. */
+/* Set the unit of each row: the square root of its entry on the diagonal of J A^-1 J^T
+ * + compliance. Divided by the units, the diagonal is at most 1. The three rows of a contact have
+ * one unit, the largest of the three, so that the cone of friction stays round.
+ *
+ * If the entry is zero, no impulse can change the rate of the row. Such a row never acts from now
+ * on. Returns whether there is one. */
 INLINED int set_units(const step_start *b, const step_rows *rows, const acting_rows *acting)
 {
     const int count = acting->count;
-    number *size = acting->unit; /* the squares of the units, until the end */
+    number *size = acting->unit; /* the diagonal: squares of the units, until the last loop */
     int any = 0;
+    /* row k has the diagonal entry compliance + |column k of Z|^2, because J A^-1 J^T = Z^T Z */
     for (int k = 0; k < count; k++)
         size[k] = rows->compliance[acting->index[k]];
     for (int j = 0; j < b->robot->n; j++) {
@@ -484,7 +490,7 @@ INLINED int set_units(const step_start *b, const step_rows *rows, const acting_r
             any = 1;
             set_state(b->robot, rows, acting->index[k], NEVER_ACTS);
         }
-        if (acting->kinds[k] == NORMAL) {
+        if (acting->kinds[k] == NORMAL) { /* its two sides stand before it */
             const number larger = size[k - 1] > size[k - 2] ? size[k - 1] : size[k - 2];
             size[k] = size[k] > larger ? size[k] : larger;
             size[k - 1] = size[k - 2] = size[k];
@@ -496,7 +502,7 @@ INLINED int set_units(const step_start *b, const step_rows *rows, const acting_r
 }
 
 /* Set the problem w = G x + u of the rows, in their units. The solver starts from the impulses
- * `start`. */
+ * `start`. A bound of dry friction is an impulse; a bound of a contact, mu, has no unit. */
 INLINED void set_problem(const step_start *b, const step_rows *rows, const number *free_rates,
     const number *start, const acting_rows *acting)
 {
@@ -558,11 +564,11 @@ INLINED int set_free_rates(const step_start *b, const step_workspace *s)
     return 1;
 }
 
-/* One step of length h from q, at which the kernel has these terms. The rates va become those at
- * the end of the step. x are the impulses of the step before, from which the solver starts, and
- * become those of this step. `residual` gets the error of x, see impulses.h; `series` is the most
- * series of the solver. False if A is not positive definite or a rate is not finite. `work` and
- * `flags` are workspace. */
+/* One step of length h from q. `terms` are the results of the kernel at q. va are the rates at the
+ * start, and become the rates at the end of the step. x are the impulses of the step before, from
+ * which the solver starts, and become the impulses of this step. `residual` gets the error of x.
+ * `series` is the largest number of series of the solver; see impulses.h. `work` and `flags` are
+ * workspace. False if A is not positive definite or a rate is not finite. */
 FAST int nonsmooth_step(const robot_tables *robot, const number *terms, const number *q, number *va,
     const number *tau, const number *held, number h, const number *numbers, int series, number *x,
     number *residual, number *work, int *flags)
@@ -591,8 +597,8 @@ FAST int nonsmooth_step(const robot_tables *robot, const number *terms, const nu
     set_dry_friction(&b, &s.rows);
     drop_held_by_loops(&b, &s.rows);
 
-    /* Solve for the rows that act. Then let those act too that the result violates, and solve
-     * again, until there are no more. A row that acts stays among them, so this ends. */
+    /* Solve for the rows that act. Rows that the result violates act from then on. Solve again,
+     * until there are no more such rows. A row that acts continues to act, so this ends. */
     const number *rates = s.free_rates;
     int solved = 0; /* whether `rates` are those after impulses */
     *residual = 0;

@@ -1,10 +1,11 @@
 /* Steps with constant torques: the classical Runge-Kutta method, then Newton's method onto the
- * closures, as in driver.h. A step that may leave the assembly mode makes a sample bad: between two
- * modes, and near a singularity, det Phi_u changes much, so that it may change only little to the
- * middle of a step and from there to its end. */
+ * closures, as in driver.h. A step that may leave the assembly mode makes the sample bad. Between
+ * two modes, and near a singularity, det Phi_u changes much. So a step is sound only if det Phi_u
+ * changes little from its start to its middle, and from its middle to its end. */
 RUN
 {
-    const int nq = ${q}, states = ${outputs}, outputs = nq + 2; /* of rate, of close */
+    /* sizes of q, of the results of ${name}, and of the results of ${close} */
+    const int nq = ${q}, states = ${outputs}, outputs = nq + 2;
     const number units[] = {${units}};
     const parameters own = column(p, i);
     real x[${inputs}], y[${y_size}], start[states], end[states];
@@ -29,10 +30,11 @@ RUN
             }
         }
 
-        /* Newton's method: call 0 is one step in the middle, the others close the loops at the end.
-         * They share a loop, so that the code of the kernel, which is long, stands here once. det
-         * Phi_u is compared at the start, in the middle, and at the end. */
-        real left = 1; /* length of the last step of Newton's method at the end */
+        /* Newton's method. Call 0 makes one step from the middle; calls 1, 2, 3 close the loops at
+         * the end. They share a loop, so that the code of the kernel, which is long, stands here
+         * once. The kernel returns det Phi_u before its step: call 0 compares the middle with the
+         * start, call 1 compares the end with the middle. */
+        real left = 1; /* length of the last step of Newton's method from the end */
         int sound = 1;
         for (int j = 0; j < states; j++)
             x[j] = j < nq ? (start[j] + end[j]) / 2 : end[j];
