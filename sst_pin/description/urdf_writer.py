@@ -47,34 +47,11 @@ def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
     SubElement(robot, "link", name="world")
     base = _frame(robot, "base", "world")
     parts = parts_of(p) if shapes else None
-    R_0 = base_orientations(p)
-    R_E = star_orientations(p)
     _add_shapes(base, parts)
-    arcs = star_arcs(p)
     for k in range(3):
         robot.append(ET.Comment(f" leg {k + 1} "))
-        parent = "base"
-        R = R_0[k]
-        bodies = {"link": p.links[k], "passive": p.passive_links[k], "star": arcs[k]}
-        for i, (body_name, body) in enumerate(bodies.items()):
-            number = 3 * k + i  # of the joint, in the order of q
-            child = f"{body_name}_{k + 1}"
-            joint = SubElement(robot, "joint", name=JOINT_NAMES[number], type="revolute")
-            _origin(joint, R=R)
-            SubElement(joint, "parent", link=parent)
-            SubElement(joint, "child", link=child)
-            SubElement(joint, "axis", xyz=_AXES[i])
-            SubElement(joint, "limit", _TURN, effort="1000.0", velocity="1000.0")
-            friction = {
-                "damping": numbers([p.viscous_friction[number]]),
-                "friction": numbers([p.coulomb_friction[number]]),
-            }
-            SubElement(joint, "dynamics", friction)
-            link = SubElement(robot, "link", name=child)
-            _inertial(link, body)
-            _add_shapes(link, parts)
-            parent = child
-            R = _I  # in a leg the frames of the links coincide at q = 0
+        _add_leg(robot, p, k, parts)
+    R_E = star_orientations(p)
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop in (1, 2):  # it connects the arcs of legs 1 and loop + 1
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -85,6 +62,34 @@ def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
         _frame(robot, f"P_{k}", "base", p.base_radius * v)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add_leg(
+    robot: ET.Element, p: Parameters, k: int, parts: Mapping[str, Sequence[Solid]] | None
+) -> None:
+    """Add the three joints and links of leg k + 1; `parts` are the shapes of the links, if any."""
+    bodies = {"link": p.links[k], "passive": p.passive_links[k], "star": star_arcs(p)[k]}
+    parent = "base"
+    R = base_orientations(p)[k]
+    for i, (body_name, body) in enumerate(bodies.items()):
+        number = 3 * k + i  # of the joint, in the order of q
+        child = f"{body_name}_{k + 1}"
+        joint = SubElement(robot, "joint", name=JOINT_NAMES[number], type="revolute")
+        _origin(joint, R=R)
+        SubElement(joint, "parent", link=parent)
+        SubElement(joint, "child", link=child)
+        SubElement(joint, "axis", xyz=_AXES[i])
+        SubElement(joint, "limit", _TURN, effort="1000.0", velocity="1000.0")
+        friction = {
+            "damping": numbers([p.viscous_friction[number]]),
+            "friction": numbers([p.coulomb_friction[number]]),
+        }
+        SubElement(joint, "dynamics", friction)
+        link = SubElement(robot, "link", name=child)
+        _inertial(link, body)
+        _add_shapes(link, parts)
+        parent = child
+        R = _I  # in a leg the frames of the links coincide at q = 0
 
 
 def yaml_of(p: Parameters) -> str:
