@@ -48,16 +48,6 @@ _README = Path(__file__).with_name("readme.md")
 _ONLY_PAPER = "<!-- only the paper's robot -->\n"
 
 
-def _touching_pairs() -> Iterator[tuple[str, str, str]]:
-    """Pairs of links that always touch, and why."""
-    for k in (1, 2, 3):
-        chain = ("base", f"link_{k}", f"passive_{k}", f"star_{k}")
-        for parent, child in itertools.pairwise(chain):
-            yield parent, child, "Adjacent"
-    for first, second in itertools.combinations(("star_1", "star_2", "star_3"), 2):
-        yield first, second, "One body"
-
-
 def description_writers(p: Parameters, configurations: Mapping[str, Array]) -> dict[str, Writer]:
     """Writers of all files of a description except its picture; poses q by name, shape (9,)."""
     texts = {
@@ -92,6 +82,16 @@ def srdf_of(configurations: Mapping[str, Array]) -> str:
         SubElement(robot, "disable_collisions", link1=first, link2=second, reason=reason)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _touching_pairs() -> Iterator[tuple[str, str, str]]:
+    """Pairs of links that always touch, and why."""
+    for k in (1, 2, 3):
+        chain = ("base", f"link_{k}", f"passive_{k}", f"star_{k}")
+        for parent, child in itertools.pairwise(chain):
+            yield parent, child, "Adjacent"
+    for first, second in itertools.combinations(("star_1", "star_2", "star_3"), 2):
+        yield first, second, "One body"
 
 
 def readme_of(p: Parameters) -> str:

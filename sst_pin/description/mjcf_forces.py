@@ -14,6 +14,11 @@ from .mjcf_attributes import pose_attributes
 from .mjcf_document import MjcfDocument
 from .urdf_writer import numbers
 
+#: Radius of the sphere of a point, [m].
+_POINT = 1e-9
+#: Geoms that touch nothing but by their pairs.
+_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
+
 
 def add_lines(document: MjcfDocument, mechanism: Mechanism) -> None:
     """Add forces along lines as tendons."""
@@ -114,12 +119,6 @@ def _motor_in_joint(mechanism: Mechanism, joint: str, rate: int) -> dict[str, st
     if 0 < effort < NO_LIMIT:
         attributes["ctrlrange"] = numbers([-effort, effort])
     return attributes
-
-
-#: Radius of the sphere of a point, [m].
-_POINT = 1e-9
-#: Geoms that touch nothing but by their pairs.
-_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 
 
 def add_contacts(document: MjcfDocument, mechanism: Mechanism) -> None:
