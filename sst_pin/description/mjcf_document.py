@@ -57,7 +57,12 @@ class MjcfDocument:
     """
 
     def __init__(self, mechanism: Mechanism, *, with_numbers: bool = True) -> None:
-        """Without numbers, joints have no friction, rotors, springs and limits."""
+        """Write the bodies and joints of a robot.
+
+        Args:
+            mechanism: The robot.
+            with_numbers: Whether joints have friction, rotors, springs and limits.
+        """
         tree = NormalTree(mechanism.model)
         self._name = mechanism.model.name
         self._end_frames = _end_frames(mechanism)

@@ -100,10 +100,11 @@ class MjcfEqualities:
         SubElement(equalities, kind, attributes)
 
     def _add_site_on_axis(self, number: int, frame_name: str, axis: int) -> str:
-        """Add a site on an axis of a frame of a closure, number 0, 1 or 2; returns its name.
+        """Add a site on the axis x, y or z of an end of a closure; returns the name of the site.
 
-        Its distance from the origin is the robot's length, so that both points together hold the
-        direction of the axis as accurately as the position of the origin.
+        `number` is the index of the closure, `axis` is 0, 1 or 2. The site's distance from the
+        origin is the robot's length, so that both points together hold the direction of the axis as
+        accurately as the position of the origin.
         """
         offset = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
         frame = frame_named(self._document.model, frame_name)
