@@ -90,7 +90,6 @@ def show(arguments: argparse.Namespace) -> int:
     from ..viewer import Viewer  # needs the extra `viz`
 
     robot, motion, default_speed, title = _scene(arguments)
-
     outputs = _outputs(arguments)
     ghost = None
     if arguments.ghost is not None:

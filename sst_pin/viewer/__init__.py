@@ -47,6 +47,6 @@ def show(
         raise InputError("ghost", "only beside a motion")
     else:
         viewer.show(start_of(robot.engine) if what is None else what)
-    viewer._require_functions()
+    viewer._require_functions()  # raises the errors of a live page before a browser opens
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()

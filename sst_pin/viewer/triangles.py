@@ -130,7 +130,11 @@ def ellipsoid(radii: ArrayLike, fineness: int = 3) -> Mesh:
 
 
 def _surface(geometry: coal.CollisionGeometry) -> trimesh.Trimesh:
-    """The triangles of a geometry."""
+    """The triangles of a geometry.
+
+    coal's shapes have their middle at the origin and their axis along z. Those of trimesh are the
+    same, except for the capsule and the cone, which are translated.
+    """
     if isinstance(geometry, coal.Box):
         return trimesh.creation.box(2 * geometry.halfSide)
     if isinstance(geometry, coal.Cylinder):
