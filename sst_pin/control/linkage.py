@@ -216,8 +216,9 @@ class Linkage:
 
     @cached_property
     def _motor_coordinates(self) -> _MotorCoordinates | None:
-        """The robot with the joints in which the motors are as coordinates.
+        """The robot whose coordinates are the joints on which the motors act, and `others`.
 
+        The others are the coordinates of `chain` that are not joints of the linkage. The result is
         None if a motor acts on several joints or on a line.
         """
         mechanism = self.chain.mechanism
@@ -291,10 +292,12 @@ class Linkage:
 def _coordinates_beside(chain: ClosedChain, rates: Indices) -> list[str]:
     """Coordinates of a chain that can move while some rates are zero, at a generic configuration.
 
-    Those without a motor are chosen first, because a motor of the fixed joints cannot be one.
+    A joint whose motor moves the fixed joints through a linkage is not one of them. So joints
+    without a motor are chosen first.
     """
     engine = chain.engine
     space = chain.mechanism.space
+    # False, for a joint without a motor, comes before True.
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)
     groups = [space.rates_of([name]) for name in names]
     Phi = scaled_Phi(engine.mechanism, engine.loops.assembly.loops, chain.generic_configuration())
