@@ -197,7 +197,7 @@ class Engine:
     #   of_sample  the function of the reference path that computes one sample
     #   shape      the shape of the result for one sample
     #   vectors    the arguments besides q, by their names, in the order of `of_sample`
-    # `asked` is whether `Kernel.answer` has got these arguments; then it gave no answer.
+    #   asked      whether step 1 was done; then `Kernel.answer` gave no answer
 
     def _without_loads(
         self,
@@ -215,11 +215,13 @@ class Engine:
         require_policy(on_error)
         # Step 1.
         kernel = self.kernel(key)
-        asked = kernel is not None and on_error == "raise" and _can_answer(shape, vectors, out)
-        if kernel is not None and asked:
+        asked = False
+        can_answer = on_error == "raise" and _can_answer(shape, vectors, out)
+        if kernel is not None and can_answer:
             answer = _answer(kernel, shape, q, vectors, None, out, threads)
             if answer is not None:
                 return answer
+            asked = True
         # Step 2.
         if key.frame is not None:
             of_sample = partial(of_sample, frame=frame_id(self.mechanism.model, key.frame))
@@ -265,13 +267,13 @@ class Engine:
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
-        asked = not ask_kernel
-        if kernel is not None and ask_kernel and on_error == "raise":
-            asked = _can_answer(shape, vectors, out)
-            if asked:
-                answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
-                if answer is not None:
-                    return answer
+        asked = not ask_kernel  # then the caller did step 1
+        can_answer = on_error == "raise" and _can_answer(shape, vectors, out)
+        if kernel is not None and ask_kernel and can_answer:
+            answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
+            if answer is not None:
+                return answer
+            asked = True
         # Step 2. From here on, a moment on the platform is one of the wrenches on all bodies.
         wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         state = self.arguments.state(q, **vectors)
@@ -314,7 +316,7 @@ class Engine:
             axes: Number of axes of one sample, for each of `samples`.
             shape: Shape of the result of one sample.
             kernel: The kernel, None if there is none.
-            asked: Whether `Kernel.answer` has got these arguments; it gave no answer.
+            asked: Whether step 1 was done, without an answer.
             out: Array for the results, or None.
             threads: Number of threads of `Kernel.many`.
             on_error: "raise" or "nan", for samples that fail.
@@ -497,7 +499,8 @@ class Engine:
             of_sample = partial(of_sample, compliances=compliances)
         vectors = {"va": va, "aa": aa}
         if self.mechanism.driven_one_to_one:
-            of_sample = _without_torques(of_sample)  # it computes tau from aa, which is unique
+            # `of_sample` computes tau from aa: here aa determines tau.
+            of_sample = _without_torques(of_sample)
         else:
             vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
         return self._under_loads(
@@ -698,9 +701,9 @@ class Engine:
         J = self.actuator_jacobian(q, on_error=on_error)
         if self.mechanism.driven_one_to_one:
             return np.zeros((*J.shape[:-1], 0))
-        # Any basis of the directions would do. The basis of the first sample is chosen near to that
-        # at a regular configuration, the example. If the coordinates are singular there, it is
-        # chosen near to that at the first regular sample.
+        # Any basis of the directions would do. The basis of the first sample is chosen near to the
+        # basis at the example, a regular configuration. If the coordinates are singular there, the
+        # basis at the first regular sample takes its place.
         try:
             regular = self.actuator_jacobian(self.loops.example())
         except (ClosureError, SingularConfigurationError):
