@@ -43,7 +43,7 @@ LARGEST_AT_FIXED_STEP = 10.0
 #: The coordinates are judged at the ends of parts of a step, in which no joint moves by more than
 #: this, [rad] or robot lengths. A choice: at the distance d from a dead point the condition number
 #: is c / d, and c is about 7 and 10 for two four-bars. Already with c = 1 it is above
-#: `LARGEST_AT_FIXED_STEP` over a length of 0.2, so that parts of 0.05 do not pass over it.
+#: `LARGEST_AT_FIXED_STEP` where d is below 0.1: parts of 0.05 do not pass over this range.
 _PART_OF_STEP = 0.05
 #: The most parts of a step; a choice, as each part costs an evaluation of Phi. In a step of more
 #: than 0.2 a dead point may lie between the ends of two parts. Then `require_continuous` refuses
@@ -154,7 +154,7 @@ class StateSpace:
 
         The rate is (q_dot, aa). Small displacements x of the coordinates, along motions that keep
         the loops closed, determine q. So the rate is differentiated by x first. Its derivative by q
-        is d(rate)/dx dx/dq, which is zero for dependent joints. Where wheels roll, x does not
+        is d(rate)/dx dx/dq. The columns of dependent joints are zero. Where wheels roll, x does not
         determine q, and the result is not exact.
         """
         q = self.closed(state)
@@ -162,12 +162,12 @@ class StateSpace:
         n = len(va)
         aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
         aa_by_x, aa_by_va, aa_by_tau = np.split(aa_by, [n, 2 * n], axis=1)
-        of_q = self._position_derivatives(q, va)
+        positions = self._position_derivatives(q, va)
 
         by_state = np.zeros((self._nq + n, self._nq + n))
-        by_state[: self._nq, : self._nq] = of_q.q_dot_by_x.dot(of_q.x_by_q)
-        by_state[: self._nq, self._nq :] = of_q.q_by_x  # as q_dot = (dq/dx) va
-        by_state[self._nq :, : self._nq] = aa_by_x.dot(of_q.x_by_q)
+        by_state[: self._nq, : self._nq] = positions.q_dot_by_x.dot(positions.x_by_q)
+        by_state[: self._nq, self._nq :] = positions.q_by_x  # as q_dot = (dq/dx) va
+        by_state[self._nq :, : self._nq] = aa_by_x.dot(positions.x_by_q)
         by_state[self._nq :, self._nq :] = aa_by_va
         by_tau = np.zeros((self._nq + n, len(tau)))
         by_tau[self._nq :] = aa_by_tau
