@@ -149,9 +149,10 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
 
 
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
-    """The placement D of a displaced place in the axes of the place before: `placement * D`.
+    """The placement D of a displaced place relative to the place before its displacement.
 
-    The angular part consists of turns about x, then about the new y, then about the new z.
+    The displaced place has the placement `placement * D`. The angular part consists of turns about
+    x, then about the new y, then about the new z.
     """
     turn = np.eye(3)
     for vector in np.diag(displacement[3:]):  # the rotation vectors of the three turns

@@ -24,7 +24,7 @@ NUMBERS_OF_LINE = (
     "effort",
     "velocity",
 )
-#: Those that may be infinite.
+#: Numbers of a line that may be infinite.
 _LIMITS = ("upper", "effort", "velocity")
 
 

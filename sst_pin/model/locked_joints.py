@@ -105,8 +105,8 @@ def _locked_positions(
     """The position of each locked rate, by the name of its joint and its index in the joint.
 
     Only a single slide or a bounded turn can be locked at a given position. The name of a joint
-    with several rates would not say which rate has the position. q of a continuous joint has a
-    cosine and a sine.
+    with several rates would not say which rate has the position. A continuous joint has no position
+    in q, but a cosine and a sine.
     """
     space = JointSpace(model)
     positions: dict[str, dict[int, float]] = {}

@@ -13,8 +13,8 @@ _OF_JOINTS = (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
 def frame_id(model: pin.Model, name: str | None) -> int:
     """Index of a frame.
 
-    If a joint and a link, a site or a point have the same name, the name means the latter; the
-    joint may be elsewhere. Other frames with the same name must coincide.
+    If a joint has the same name as a link, a site or a point, the name does not mean the joint,
+    which may be elsewhere. Other frames with the same name must coincide.
     """
     if not (isinstance(name, str) and model.existFrame(name)):
         raise UnknownNameError("frame", str(name), [f.name for f in model.frames])
