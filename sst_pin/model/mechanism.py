@@ -155,8 +155,8 @@ class Mechanism:
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None
-    #: Length of each row of Phi at the example, free of units, shape (rows,), for `usual_size`. It
-    #: is 0 for couplings with constant coefficients, which never come near a singularity.
+    #: Norm of each row of Phi at the example, free of units, shape (rows,), for `usual_size`. It is
+    #: 0 for couplings with constant coefficients, which never come near a singularity.
     row_sizes: Array | None = None
     #: Names of the coordinates that move no mass, so that the mass matrix is singular. If the
     #: coordinates are singular at the example, names of other rates that describe these motions.
@@ -340,7 +340,7 @@ class Mechanism:
         return groups
 
     @cached_property
-    def _groups(self) -> list[tuple[LoopGroup, float]]:
+    def _lengths_of_groups(self) -> list[tuple[LoopGroup, float]]:
         """Each group of loops, and its length, [m]: its largest offset, or the robot's length."""
         return [(group, offset or self.length) for group, offset in self._offsets_of_groups]
 
@@ -348,7 +348,7 @@ class Mechanism:
     def _length_of_closure(self) -> dict[Constraint, float]:
         """The length of the loops of each closure, [m]."""
         lengths: dict[Constraint, float] = {}
-        for group, length in self._groups:
+        for group, length in self._lengths_of_groups:
             for closure in group.closures:
                 lengths[closure] = length
         return lengths
@@ -361,7 +361,7 @@ class Mechanism:
         the robot for a joint outside loops, per second.
         """
         lengths = np.full(self.model.nv, self.length)
-        for group, length in self._groups:
+        for group, length in self._lengths_of_groups:
             for number in group.joints:
                 joint = self.model.joints[number]
                 lengths[joint.idx_v : joint.idx_v + joint.nv] = length
@@ -407,10 +407,12 @@ class Mechanism:
     def usual_size(self, rows: Indices, rates: Indices) -> float:
         """Size that shows whether a block of Phi with one dependent rate is nearly singular.
 
-        The condition number of a block with several dependent rates shows this, and the result is
-        0. A block with one rate is a column: its condition number is 1 at every configuration. So
-        `loops.ranks` compares its only singular value with the result, which is the length of the
-        same rows at the example, with their entries for all rates. It is free of units.
+        A block with one rate is a column: its condition number is 1 at every configuration. So
+        `loops.ranks` compares its only singular value with the result. The result is the norm of
+        the same rows at the example, with their entries for all rates, free of units.
+
+        For a block with several dependent rates the result is 0: its condition number shows
+        whether it is nearly singular.
 
         Args:
             rows: Rows of the block.
