@@ -125,9 +125,10 @@ class NormalTree:
         else:
             series = [(_ordinary(joint), pin.SE3.Identity())]
         placement = original.jointPlacements[j]
-        for number, (part, offset) in enumerate(series):
+        for number, (part, placement_in_series) in enumerate(series):
             name = f"{original.names[j]}/{number}" if len(series) > 1 else original.names[j]
-            parent = self.model.addJoint(parent, part, placement * offset, name)
+            placement = placement * placement_in_series
+            parent = self.model.addJoint(parent, part, placement, name)
             placement = pin.SE3.Identity()
         self.bodies[j] = parent
         self.model.inertias[parent] = original.inertias[j]
@@ -151,11 +152,9 @@ def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
         return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in both]
     series: list[tuple[Any, pin.SE3]] = []
     for part, placement in zip(joint.joints, joint.jointPlacements, strict=True):
-        # Only the first joint of the part is placed by it.
-        placement_of_part = placement
-        for single, single_placement in series_of(part):
-            series.append((single, placement_of_part * single_placement))
-            placement_of_part = here
+        # A part may be a series itself. `placement` is the placement of its first joint.
+        (first, first_placement), *others = series_of(part)
+        series += [(first, placement * first_placement), *others]
     return series
 
 
