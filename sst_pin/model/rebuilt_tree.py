@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A tree built again joint by joint, with some joints fixed or replaced by several in series.
 
-`rebuilt` adds the joints with their bodies, then the frames. Last, it copies the numbers of the
-joints (limits, friction, rotors) and the stored poses. A "place" in this module is a placement,
-`pin.SE3`.
+`rebuilt` adds the joints with their bodies, then the frames. Last, it copies the parameters of
+the joints (limits, friction, rotors) and the stored poses. A "place" in this module is a placement,
+`pin.SE3`. The "number" of a joint is its index in the tree.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class Carrier(NamedTuple):
         joint: Number of the new joint that moves the body.
         place: Placement, relative to this joint, of the axes that the body had at the old joint.
         series: The joints that replace the old one; none if it is fixed.
-        numbers: Numbers of these joints in the new tree, the last of which is `joint`.
+        numbers: Numbers of these joints in the new tree; the last one is `joint`.
     """
 
     joint: int
@@ -72,7 +72,7 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> RebuiltTree:
         model.appendBodyToJoint(carrier.joint, old.inertias[i], carrier.place)
         carriers.append(carrier)
     _copy_frames(old, model, carriers)
-    _copy_joint_numbers(old, model, carriers)
+    _copy_parameters(old, model, carriers)
     _copy_poses(old, model, carriers)
     return RebuiltTree(model, carriers)
 
@@ -119,14 +119,14 @@ def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) 
         new_index[i] = model.addFrame(new, False)
 
 
-def _copy_joint_numbers(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) -> None:
+def _copy_parameters(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) -> None:
     """Copy limits, friction and rotors of the rates and positions that stay."""
     for i in range(1, old.njoints):
         for part, number in zip(carriers[i].series.parts, carriers[i].numbers, strict=True):
-            _copy_numbers(old, old.joints[i], model, model.joints[number], part)
+            _copy_parameters_of_part(old, old.joints[i], model, model.joints[number], part)
 
 
-def _copy_numbers(
+def _copy_parameters_of_part(
     old: pin.Model, old_joint: Any, model: pin.Model, new_joint: Any, part: Part
 ) -> None:
     """Copy limits, friction and rotors of the rates and positions that a part has."""
