@@ -28,7 +28,7 @@ _SINGLES: dict[str, Sequence[Any]] = {
     "JointModelPlanar": (*SLIDES[:2], TURNS[2]),
     "JointModelSphericalZYX": TURNS[::-1],
 }
-#: The rates of the rotation for which q has a quaternion.
+#: The rates of the turns about x, y, z for which q has a quaternion.
 _BALL_RATES: dict[str, Sequence[int]] = {
     "JointModelFreeFlyer": (3, 4, 5),
     "JointModelSpherical": (0, 1, 2),
@@ -96,8 +96,9 @@ class PartlyLocked(Series):
     There is a joint for each free rate, with the suffix of the rate: first slides along x, y, z,
     then turns. A locked rate remains as a constant pose between its neighbours.
 
-    The three turns of a ball or free-flyer are ordered x, y, z with the locked ones last, so that a
-    rod whose spin is locked can still have any direction. If none of them is locked, they stay one
+    The three turns of a ball or free-flyer are ordered x, y, z with the locked ones last. For
+    instance, a rod along x between two balls has its spin about x locked: the free turns about y
+    and z come first and give the rod any direction. If no turn is locked, the three turns stay one
     ball, with the name of the whole joint.
 
     Args:
@@ -113,35 +114,34 @@ class PartlyLocked(Series):
         suffixes = kind_of(joint).v
         models = _single_joints(joint)  # one for each rate, in the order of the rates
 
-        ball_rates = _BALL_RATES.get(kind, ())  # about x, y, z
-        free_turns = [k for k in ball_rates if k not in locked]
-        locked_turns = [k for k in ball_rates if k in locked]
-        turns = free_turns + locked_turns
-        stays_ball = bool(ball_rates) and not locked_turns
-        #: The axis of each turn of a quaternion by its rate, 0 for x; empty without a quaternion.
-        self._axis_of_turn = {k: axis for axis, k in enumerate(ball_rates)}
-        #: These axes in the order of the turns in the series.
-        self._order_of_axes = [self._axis_of_turn[k] for k in turns]
+        #: The rates about x, y, z of a ball or free-flyer; empty for other joints.
+        self._ball_rates = _BALL_RATES.get(kind, ())
+        free_turns = [k for k in self._ball_rates if k not in locked]
+        locked_turns = [k for k in self._ball_rates if k in locked]
+        #: The same rates in the order of their turns in the series.
+        self._turns = free_turns + locked_turns
+        stays_ball = bool(self._ball_rates) and not locked_turns
 
-        # The rates that become single joints, in their order.
-        singles = [k for k in range(len(models)) if k not in ball_rates]
+        # The rates in the order of the series, without the rates of a ball that stays one joint.
+        order = [k for k in range(len(models)) if k not in self._ball_rates]
         if not stays_ball:
-            singles += turns
+            order += self._turns
         parts = list[Part]()
         place = pin.SE3.Identity()  # of the next part, relative to the part before it
-        for k in singles:
+        for k in order:
             if k in locked:
                 place = place * Series.fixed(models[k], np.array([locked[k]])).place
                 continue
-            # q has a quaternion for the turns of a ball, and cosine and sine for a planar joint.
+            # A turn of a ball or of a planar joint is no entry of q, see `_angle`.
             is_angle_of_plane = kind == "JointModelPlanar" and k == 2
-            entries = [] if k in ball_rates or is_angle_of_plane else [k]
+            entries = [] if k in self._ball_rates or is_angle_of_plane else [k]
             parts.append(Part(f"_{suffixes[k]}", models[k], place, rates=[k], entries=entries))
             place = pin.SE3.Identity()
         if stays_ball:
-            quaternion = range(ball_rates[0], ball_rates[0] + 4)
+            first = self._ball_rates[0]
+            quaternion = range(first, first + 4)
             ball = pin.JointModelSpherical()
-            parts.append(Part("", ball, place, rates=turns, entries=quaternion))
+            parts.append(Part("", ball, place, rates=self._ball_rates, entries=quaternion))
             place = pin.SE3.Identity()
         super().__init__(parts, place)
 
@@ -149,15 +149,17 @@ class PartlyLocked(Series):
         """Positions of each part at positions q of the whole joint."""
         positions = super().positions(q)
         for k, part in enumerate(self.parts):
-            if part.entries:
-                continue
-            if self._axis_of_turn:  # q of a ball or free-flyer ends with the quaternion
-                angles = _angles(q[-4:], self._order_of_axes)
-                angle = angles[self._axis_of_turn[part.rates[0]]]
-            else:  # q of a planar joint ends with cosine and sine
-                angle = np.arctan2(q[-1], q[-2])
-            positions[k] = np.array([angle])
+            if not part.entries:
+                positions[k] = np.array([self._angle(part.rates[0], q)])
         return positions
+
+    def _angle(self, rate: int, q: Array) -> float:
+        """The angle of a turn that is no entry of q, [rad]; `rate` is the index of its rate."""
+        if self._ball_rates:  # q of a ball or free-flyer ends with the quaternion
+            axes = [self._ball_rates.index(k) for k in self._turns]  # 0 for x
+            return float(_angles(q[-4:], axes)[self._ball_rates.index(rate)])
+        cosine, sine = q[-2:]  # q of a planar joint ends with them
+        return float(np.arctan2(sine, cosine))
 
 
 def _single_joints(joint: Any) -> list[Any]:
