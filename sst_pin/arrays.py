@@ -25,7 +25,7 @@ _FLOAT64 = np.dtype(np.float64)
 T = TypeVar("T")
 _Numbers = TypeVar("_Numbers", Array, Indices)
 #: The default policy for samples that fail. Control loops test `on_error is RAISE`, which is fast
-#: and works for any object that a caller may pass; if it fails, they check `on_error`.
+#: and works for any object that a caller may pass. If it is another object, they check `on_error`.
 RAISE = "raise"
 
 
@@ -198,7 +198,7 @@ def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
 
 
 def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
-    """A sequence of names as a tuple; a single string, or an entry that is none, is refused."""
+    """A sequence of names as a tuple; a single string or an entry that is no string is refused."""
     if isinstance(value, Mapping):
         raise InputError(name, f"{value!r}: a sequence of names is needed; it takes no values")
     if isinstance(value, str) or not isinstance(value, Iterable):

@@ -153,7 +153,7 @@ class IndeterminateError(SSTError):
 
     Attributes:
         name: Name of the joint or closure.
-        components: Those of its wrench that are not unique.
+        components: The components of its wrench that are not unique.
     """
 
     def __init__(self, name: str, components: Sequence[str]) -> None:

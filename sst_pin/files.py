@@ -14,12 +14,10 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import require_flags
+from .arrays import Array, require_flags
 from .errors import FileFormatError, InputError, OutputError
 
-Array = NDArray[np.float64]
 #: Writes the content of one file.
 Writer = Callable[[BinaryIO], None]
 #: Other names of the column of times, which is `t_s`.
@@ -188,7 +186,8 @@ def write_files(
             with _naming(path):
                 if folder is not None:
                     target.path.parent.mkdir(parents=True, exist_ok=True)
-                complete.append(_Complete(path, _written(target, write), target.path))
+                temporary = _temporary_file(target, write)
+                complete.append(_Complete(path, temporary, target.path))
         _replace(complete)
     finally:
         for file in complete:
@@ -244,7 +243,7 @@ def _target_of(path: Path, force: bool) -> _Target:
     return _Target(target, stat.S_IMODE(mode))
 
 
-def _written(target: _Target, write: Writer) -> Path:
+def _temporary_file(target: _Target, write: Writer) -> Path:
     """A temporary file beside a target, with the content that the target will get."""
     partial = _beside(target.path)
     try:

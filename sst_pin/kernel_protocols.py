@@ -18,7 +18,9 @@ class Kernel(Protocol):
     def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Array | None:
         """The result for unchecked arguments, for control loops.
 
-        It is None if the arguments need a check or a sample fails one.
+        `a` is q, and `b` and `c` are the other arguments of the quantity, such as va and aa, or
+        None. `load` is the moment on the platform, or None. The result is None if the arguments
+        need a check or a sample fails one.
         """
 
     def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
