@@ -64,10 +64,11 @@ _REFINED = 3
 #: Where no impulses solve a step, they grow without bound, and the relative error would become
 #: small. So the error is relative to at most this multiple of the rates u of `_Problem`.
 _LARGEST = 1e3
-#: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T. The first is small
-#: beside the regular parts of this matrix. Where redundant contacts contradict each other, as
-#: corners of a sole that begins to tilt, larger ones keep the steps short; smaller ones are for
-#: contradictions of a billionth, where the solution is far away.
+#: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T; a choice. The first
+#: one is small beside the regular parts of this matrix. If redundant contacts contradict each
+#: other, as corners of a sole that begins to tilt, larger terms keep Newton's steps short. If the
+#: contradiction is as small as 1e-9, the solution is far away, and smaller terms let the steps
+#: reach it.
 _PROXIMAL = (1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2)
 
 
@@ -224,8 +225,8 @@ class _Problem:
                 least = error
             if least < _ROUNDING:
                 break
-            # With S = dP/dy and dy = dx - A dx, d(x - P(y)) = (1 - S + S A) dx; the proximal term
-            # is added.
+            # With S = dP/dy and dy = dx - A dx, d(x - P(y)) = (1 - S + S A) dx. The proximal term
+            # is added to the diagonal of A.
             slopes = self._slopes(y)
             dF = np.eye(len(x)) - slopes + slopes @ self._A + proximal * slopes
             try:

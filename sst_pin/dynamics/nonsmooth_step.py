@@ -229,9 +229,9 @@ class NonsmoothStep:
     def _beginning(self, q: Array, va: Array) -> _Beginning:
         """All that a step needs of the state (q, va)."""
         context = self._context
-        v, bias = context.complement.motion(q, va, context.zero_aa)
+        v, v_dot = context.complement.motion(q, va, context.zero_aa)
         M_tree = context.tree_inertia()
-        force = -context.tree_forces(v, bias)
+        force = -context.tree_forces(v, v_dot)
         gaps, J_contacts = self._contacts()
         slack, J_ropes = self._slack(q)
         lengths, J_lines = context.lines.evaluate(q)
@@ -317,7 +317,7 @@ class NonsmoothStep:
             [
                 begin.J_contacts,
                 begin.J_ropes,
-                np.where(cables.constant, 0.0, 1.0)[:, None] * J_cables,
+                np.where(cables.constant[:, None], 0.0, J_cables),
                 np.reshape(J_stops, (-1, len(begin.v))),
                 axes[rows.dry_rates],
                 begin.J_lines[rows.dry_lines],

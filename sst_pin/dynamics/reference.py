@@ -111,7 +111,8 @@ class Reference(threading.local):
         with np.errstate(over="ignore", invalid="ignore"):
             tau = least_torques(self.mechanism, A, f, weights)
             # A part of f that no motor supplies must be rounding: tiny beside the forces of the
-            # motors, or beside all forces, which may cancel to f. The former are quick to compute.
+            # motors, or beside all forces, which may cancel to f. The forces of the motors are
+            # compared first, as they are quicker to compute.
             unsupplied = f - A.dot(tau)
             sizes = np.abs(A).dot(np.abs(tau))
             if not (np.abs(unsupplied) <= UNSUPPLIED * sizes).all():
@@ -321,7 +322,7 @@ class Reference(threading.local):
     def potential_energy(self, q: Array) -> Array:
         """Potential energy of weights, springs and lines, [J].
 
-        That of the weights is zero with all masses at the origin.
+        The energy of the weights is zero with all masses at the origin.
         """
         context = self.context
         springs = self.mechanism.springs
