@@ -160,6 +160,7 @@ def _on_frames(closure: ClosurePartials, forces: Array) -> _Load:
     `forces` are those of all rows of Phi; the rows of this closure are used.
     """
     of_rows = forces[closure.rows.at]
+    # A row of W, shape (rows, 12), has the wrenches on B and on A for the force 1 along this row.
     w = of_rows.dot(closure.W).reshape(2, 6)
     w_q = np.tensordot(of_rows, closure.W_q, axes=1).reshape(2, 6, -1)
     return _Load(closure.rows.bodies, closure.frames, w, w_q)
@@ -176,8 +177,8 @@ def _on_mass_centres(motion: TreeMotion, loops: Loops, wrenches: Array) -> _Load
     moments = wrenches[loaded, 3:]
     # At the origin the moment is moment + c x force with the mass centre c, the last column of M.
     # Its derivative is c_q x force = -force x c_q.
-    c = frames.M[:, :3, 3]
-    c_q = np.moveaxis(frames.M_q[..., :3, 3], 0, -1)  # shape (k, 3, nv)
+    c = frames.M[:, :3, 3]  # shape (k, 3)
+    c_q = np.moveaxis(frames.M_q[..., :3, 3], 0, -1)  # shapes (nv, k, 3) to (k, 3, nv)
     w = np.hstack((forces, moments + cross(c, forces)))
     w_q = np.zeros_like(frames.J)
     w_q[:, 3:] = -skew(forces) @ c_q
@@ -279,7 +280,7 @@ def _line_partials(
 
 
 def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
-    """The derivatives with those of J^T tensions for constant J.
+    """The derivatives of the tree, plus the derivatives of J^T tensions for constant J.
 
     The loads on the tree already contain the changes of J, the directions of the lines.
     """
@@ -376,6 +377,7 @@ class Derivatives:
                 k = slice(joint.idx_v, joint.idx_v + joint.nv)
                 axes = np.array(data.S)  # the twists of the joint's rates, in columns
                 twist = axes.dot(v[k])
+                # The columns of `axes` are orthonormal: axes^T takes a twist to rates.
                 bracket_rates[k] = axes.T.dot(brackets(twist[:, None], axes.dot(L[k])))
         return -tree.S.T.dot(bracket_rates)[self._mechanism.coordinates]
 
@@ -404,11 +406,12 @@ class Derivatives:
         Let F(q, v, v_dot) be the forces that the motion of the tree needs, less those of motors,
         friction, springs, lines and external wrenches: f - L^T B tau = L^T F.
 
-        No derivative of L is needed. Let lambda be the forces of the closures at q, with
-        F - Phi^T lambda = 0 along the dependent rates, and constant from here on. As L^T Phi^T = 0
-        at all q, also L^T F = L^T (F - Phi^T lambda). The rows of L for the coordinates are
-        constant, and along the dependent rates the bracket is zero: dL^T (F - Phi^T lambda) = 0. So
-        d(L^T F) = L^T d(F - Phi^T lambda). Closures act on the tree as loads on their frames.
+        No derivative of L is needed. Let lambda be the forces of the closures at q: the entries of
+        F - Phi^T lambda for the dependent rates are zero. Keep lambda constant. As L^T Phi^T = 0 at
+        all q, also L^T F = L^T (F - Phi^T lambda). In the derivative, dL^T (F - Phi^T lambda) is
+        zero: the rows of L for the coordinates are constant, and each other row of L meets a zero
+        entry. So d(L^T F) = L^T d(F - Phi^T lambda). Closures act on the tree as loads on their
+        frames.
         """
         context = self._context
         mechanism = self._mechanism
@@ -419,7 +422,9 @@ class Derivatives:
         rows = partials(context.loops, q, motion)
         F = context.tree_forces(v, v_dot)
         F -= applied_forces(context, friction, q, v, wrenches, tau)
-        multipliers = G.T.dot(F)  # lambda
+        # lambda solves Phi_u^T lambda = F_u, where u are the dependent rates. The rows of G for
+        # these rates are the inverse of Phi_u, the others are zero: lambda = G^T F.
+        multipliers = G.T.dot(F)
 
         # Loads on the bodies: of closures, of lines, external wrenches, and lifted weights.
         loads = [_on_frames(closure, multipliers) for closure in rows.closures]
@@ -434,7 +439,8 @@ class Derivatives:
 
         # Partial derivatives of F - Phi^T lambda.
         of_tree = self._tree_partials(v, v_dot, loads)
-        # A coupling P(q_k) + ... = 0 acts on no frame. It has the forces Phi^T lambda = P' lambda.
+        # A coupling P(q_k) + ... = 0 acts on no frame. Its force on rate k is P' lambda, with the
+        # derivative P'' lambda by q_k.
         for joint in rows.couplings:
             of_tree.by_q[joint.rate, joint.rate] -= multipliers[joint.row] * joint.second
         if of_lines is not None:
