@@ -14,6 +14,8 @@ Pinocchio's. Along the loops, it has a column for each coordinate k: the derivat
 motion of all joints at the rate 1 of coordinate k. A subscript q or v names such derivatives.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -78,245 +80,6 @@ class FrameVelocityDerivatives(NamedTuple):
 
     dq: Array
     dva: Array
-
-
-def linear_system(d: AccelerationDerivatives, rates: Array | None) -> tuple[Array, Array]:
-    """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of x' = A x + B u.
-
-    x = (displacements of the coordinates, deviations of va), and u are deviations of the torques.
-    `rates` are `Derivatives.displacement_rates`, shape (..., n, n), or None if no joint axes move.
-    """
-    # The columns of [A B] belong to the displacements, to va and to u.
-    accelerations = np.concatenate(d, axis=-1)
-    n = accelerations.shape[-2]
-    A_B = np.zeros((*accelerations.shape[:-2], 2 * n, accelerations.shape[-1]))
-    if rates is not None:
-        A_B[..., :n, :n] = rates
-    A_B[..., :n, n : 2 * n] = np.eye(n)
-    A_B[..., n:, :] = accelerations
-    return A_B[..., : 2 * n], A_B[..., 2 * n :]
-
-
-def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
-    """A and B of the exact step over dt, with constant u: x(t + dt) = A_d x(t) + B_d u.
-
-    They are the upper blocks of the exponential of [A B; 0 0] dt.
-    """
-    from scipy.linalg import expm
-
-    states, inputs = B.shape[-2:]
-    A_B = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
-    A_B[..., :states, :states] = A
-    A_B[..., :states, states:] = B
-    with np.errstate(over="ignore", invalid="ignore"):
-        step = expm(A_B * dt)
-    # Samples that are NaN already have failed before.
-    is_valid = np.isfinite(A_B).all(axis=(-2, -1))
-    overflows = is_valid & ~np.isfinite(step).all(axis=(-2, -1))
-    if overflows.any():
-        fastest = float(np.abs(np.linalg.eigvals(np.nan_to_num(A)).real).max())
-        raise InputError(
-            "dt",
-            f"{dt:g} s is too long: the exponential overflows, A has poles of {fastest:.3g} /s",
-        )
-    return step[..., :states, :states], step[..., :states, states:]
-
-
-class _ForceDerivatives(NamedTuple):
-    """Derivatives of the forces along the coordinates, and L.
-
-    Attributes:
-        by_q: By q along L e_k in column k, shape (n, n).
-        by_va: By va, shape (n, n).
-        by_aa: By aa: the mass matrix in the coordinates, shape (n, n).
-        L: Joint orthogonal complement, shape (nv, n).
-    """
-
-    by_q: Array
-    by_va: Array
-    by_aa: Array
-    L: Array
-
-
-class _Load(NamedTuple):
-    """Wrenches on k frames of the normal tree.
-
-    Attributes:
-        joints: Numbers of the joints whose bodies carry the frames, k of them.
-        frames: Motions of the frames.
-        w: [force; moment] at the world's origin, base axes, shape (k, 6).
-        w_q: Derivatives of w by q, shape (k, 6, nv).
-    """
-
-    joints: Sequence[int]
-    frames: FrameMotions
-    w: Array
-    w_q: Array
-
-
-def _on_frames(closure: ClosurePartials, forces: Array) -> _Load:
-    """Forces along the rows of a closure or line, as wrenches on its frames B and A.
-
-    `forces` are those of all rows of Phi; the rows of this closure are used.
-    """
-    of_rows = forces[closure.rows.at]
-    # A row of W, shape (rows, 12), has the wrenches on B and on A for the force 1 along this row.
-    w = of_rows.dot(closure.W).reshape(2, 6)
-    w_q = np.tensordot(of_rows, closure.W_q, axes=1).reshape(2, 6, -1)
-    return _Load(closure.rows.bodies, closure.frames, w, w_q)
-
-
-def _on_mass_centres(motion: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
-    """Constant wrenches [force; moment] at the mass centres, shape (r, 6), as a load."""
-    loaded = np.flatnonzero(wrenches.any(axis=1))
-    joints = [loops.tree.bodies[1 + body] for body in loaded]
-    levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
-    places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
-    frames = motion.frames(joints, [place.homogeneous for place in places])
-    forces = wrenches[loaded, :3]
-    moments = wrenches[loaded, 3:]
-    # At the origin the moment is moment + c x force with the mass centre c, the last column of M.
-    # Its derivative is c_q x force = -force x c_q.
-    c = frames.M[:, :3, 3]  # shape (k, 3)
-    c_q = np.moveaxis(frames.M_q[..., :3, 3], 0, -1)  # shapes (nv, k, 3) to (k, 3, nv)
-    w = np.hstack((forces, moments + cross(c, forces)))
-    w_q = np.zeros_like(frames.J)
-    w_q[:, 3:] = -skew(forces) @ c_q
-    return _Load(joints, frames, w, w_q)
-
-
-def _lifts(motion: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
-    """Forces that cancel the part of the weights that does not act, as a load on their bodies.
-
-    `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of
-    the bodies.
-    """
-    joints = [loops.tree.bodies[1 + body] for body in lifted]
-    frames = motion.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
-    # A placement M takes the first moment m c and the mass m to those about the world's origin:
-    # M [m c; m] = [m (R c + p); m], without the last row. Axes: k bodies, i and j of M, q rates.
-    masses, *moments = np.transpose(list(lifted.values()))
-    moments_and_masses = np.transpose([*moments, masses])
-    at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
-    at_origin_q = np.einsum("qkij,kj->kiq", frames.M_q[..., :3, :], moments_and_masses)
-    # The force is -m g, and its moment about the origin m (R c + p) x (-g) = g x m (R c + p).
-    g = loops.model.gravity.linear
-    w = np.hstack((-np.outer(masses, g), cross(g, at_origin)))
-    w_q = np.zeros_like(frames.J)
-    w_q[:, 3:] = skew(g) @ at_origin_q
-    return _Load(joints, frames, w, w_q)
-
-
-def _derivatives_fixed_to_bodies(w: Array, twists: Array) -> Array:
-    """Derivatives by q of wrenches w that are fixed to moving bodies, shape (k, 6, nv).
-
-    `w` has the shape (k, 6). `twists` are the twists [v; omega] of the bodies per rate of the tree,
-    shape (k, 6, nv). Such a wrench changes by [omega x force; omega x moment + v x force].
-    """
-    force_x = skew(w[:, :3])  # omega x force = -force x omega
-    moment_x = skew(w[:, 3:])
-    v = twists[:, :3]
-    omega = twists[:, 3:]
-    return np.concatenate((-force_x @ omega, -moment_x @ omega - force_x @ v), axis=1)
-
-
-class _TreePartials(NamedTuple):
-    """Derivatives of the forces on the tree, where q, v and v_dot are independent.
-
-    Attributes:
-        by_q: By q, shape (nv, nv).
-        by_v: By v, shape (nv, nv).
-        M: By v_dot: the mass matrix of the tree, shape (nv, nv).
-    """
-
-    by_q: Array
-    by_v: Array
-    M: Array
-
-
-class _LinePartials(NamedTuple):
-    """The tensions of lines and their derivatives, where q, v and v_dot are independent.
-
-    The tension of a line depends on its length l, and on l_dot and l_ddot.
-
-    Attributes:
-        rows: Derivatives of l_dot and l_ddot by q and v, and the lines as closures of one row.
-        J: l_dot = J v, shape (lines, nv).
-        tensions: Tensions, those of moving masses included, shape (lines,), [N].
-        stiffness: Derivatives of the tensions by l, shape (lines,).
-        damping: Derivatives of the tensions by l_dot, shape (lines,).
-        masses: Derivatives of the tensions by l_ddot, shape (lines,).
-    """
-
-    rows: Partials
-    J: Array
-    tensions: Array
-    stiffness: Array
-    damping: Array
-    masses: Array
-
-
-def _line_partials(
-    context: Context, friction: Friction, q: Array, tau: Array, motion: TreeMotion
-) -> _LinePartials:
-    """The lines' tensions and their derivatives at q, with motor torques tau."""
-    lines = context.mechanism.lines
-    v = motion.v
-    lengths, J = context.lines.evaluate(q)
-    rates = J.dot(v)
-    tensions = tensions_in_motion(context, friction, q, v, motion.v_dot, tau)
-    taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
-    damping = lines.damping * taut
-    if lines.coulomb.any():
-        damping = damping + lines.coulomb * sign_slope(rates, friction.sign_width)
-    return _LinePartials(
-        rows=partials(context.lines.loops, q, motion),
-        J=J,
-        tensions=tensions,
-        stiffness=lines.stiffness * taut,
-        damping=damping,
-        masses=lines.masses,
-    )
-
-
-def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
-    """The derivatives of the tree, plus the derivatives of J^T tensions for constant J.
-
-    The loads on the tree already contain the changes of J, the directions of the lines.
-    """
-    by_q, by_v, M = of_tree
-    per_length = lines.J.T * lines.stiffness
-    per_rate = lines.J.T * lines.damping
-    per_acceleration = lines.J.T * lines.masses
-    by_q = by_q + per_length.dot(lines.J)
-    by_q += per_rate.dot(lines.rows.velocity_q)
-    by_q += per_acceleration.dot(lines.rows.acceleration_q)
-    by_v = by_v + per_rate.dot(lines.J)
-    by_v += per_acceleration.dot(lines.rows.acceleration_v)
-    return _TreePartials(by_q, by_v, M + per_acceleration.dot(lines.J))
-
-
-def _along_coordinates(
-    of_tree: _TreePartials, rows: Partials, L: Array, G: Array
-) -> _ForceDerivatives:
-    """The chain rule: derivatives of L^T F, with constant L and the forces F(q, v, v_dot).
-
-    G is `JointComplement.inverse`: Phi G b = b, and G b has zero rates of the coordinates.
-    """
-    # The velocity b = Phi v and the acceleration c = Phi v_dot + Phi_dot v of the rows are zero.
-    # Their derivatives along L: b_q L + Phi v_q = 0 and c_q L + c_v v_q + Phi v_dot_q = 0.
-    v_q = -G.dot(rows.velocity_q.dot(L))
-    v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
-    v_dot_va = -G.dot(rows.acceleration_v.dot(L))
-
-    force_q, force_v, M = of_tree
-    inertia = L.T.dot(M).dot(L)
-    return _ForceDerivatives(
-        by_q=L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q)),
-        by_va=L.T.dot(force_v.dot(L) + M.dot(v_dot_va)),
-        by_aa=(inertia + inertia.T) / 2,
-        L=L,
-    )
 
 
 class Derivatives:
@@ -487,3 +250,242 @@ class Derivatives:
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
+
+
+class _TreePartials(NamedTuple):
+    """Derivatives of the forces on the tree, where q, v and v_dot are independent.
+
+    Attributes:
+        by_q: By q, shape (nv, nv).
+        by_v: By v, shape (nv, nv).
+        M: By v_dot: the mass matrix of the tree, shape (nv, nv).
+    """
+
+    by_q: Array
+    by_v: Array
+    M: Array
+
+
+class _Load(NamedTuple):
+    """Wrenches on k frames of the normal tree.
+
+    Attributes:
+        joints: Numbers of the joints whose bodies carry the frames, k of them.
+        frames: Motions of the frames.
+        w: [force; moment] at the world's origin, base axes, shape (k, 6).
+        w_q: Derivatives of w by q, shape (k, 6, nv).
+    """
+
+    joints: Sequence[int]
+    frames: FrameMotions
+    w: Array
+    w_q: Array
+
+
+def _on_frames(closure: ClosurePartials, forces: Array) -> _Load:
+    """Forces along the rows of a closure or line, as wrenches on its frames B and A.
+
+    `forces` are those of all rows of Phi; the rows of this closure are used.
+    """
+    of_rows = forces[closure.rows.at]
+    # A row of W, shape (rows, 12), has the wrenches on B and on A for the force 1 along this row.
+    w = of_rows.dot(closure.W).reshape(2, 6)
+    w_q = np.tensordot(of_rows, closure.W_q, axes=1).reshape(2, 6, -1)
+    return _Load(closure.rows.bodies, closure.frames, w, w_q)
+
+
+def _on_mass_centres(motion: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
+    """Constant wrenches [force; moment] at the mass centres, shape (r, 6), as a load."""
+    loaded = np.flatnonzero(wrenches.any(axis=1))
+    joints = [loops.tree.bodies[1 + body] for body in loaded]
+    levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
+    places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
+    frames = motion.frames(joints, [place.homogeneous for place in places])
+    forces = wrenches[loaded, :3]
+    moments = wrenches[loaded, 3:]
+    # At the origin the moment is moment + c x force with the mass centre c, the last column of M.
+    # Its derivative is c_q x force = -force x c_q.
+    c = frames.M[:, :3, 3]  # shape (k, 3)
+    c_q = np.moveaxis(frames.M_q[..., :3, 3], 0, -1)  # shapes (nv, k, 3) to (k, 3, nv)
+    w = np.hstack((forces, moments + cross(c, forces)))
+    w_q = np.zeros_like(frames.J)
+    w_q[:, 3:] = -skew(forces) @ c_q
+    return _Load(joints, frames, w, w_q)
+
+
+def _lifts(motion: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
+    """Forces that cancel the part of the weights that does not act, as a load on their bodies.
+
+    `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of
+    the bodies.
+    """
+    joints = [loops.tree.bodies[1 + body] for body in lifted]
+    frames = motion.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
+    # A placement M takes the first moment m c and the mass m to those about the world's origin:
+    # M [m c; m] = [m (R c + p); m], without the last row. Axes: k bodies, i and j of M, q rates.
+    masses, *moments = np.transpose(list(lifted.values()))
+    moments_and_masses = np.transpose([*moments, masses])
+    at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
+    at_origin_q = np.einsum("qkij,kj->kiq", frames.M_q[..., :3, :], moments_and_masses)
+    # The force is -m g, and its moment about the origin m (R c + p) x (-g) = g x m (R c + p).
+    g = loops.model.gravity.linear
+    w = np.hstack((-np.outer(masses, g), cross(g, at_origin)))
+    w_q = np.zeros_like(frames.J)
+    w_q[:, 3:] = skew(g) @ at_origin_q
+    return _Load(joints, frames, w, w_q)
+
+
+def _derivatives_fixed_to_bodies(w: Array, twists: Array) -> Array:
+    """Derivatives by q of wrenches w that are fixed to moving bodies, shape (k, 6, nv).
+
+    `w` has the shape (k, 6). `twists` are the twists [v; omega] of the bodies per rate of the tree,
+    shape (k, 6, nv). Such a wrench changes by [omega x force; omega x moment + v x force].
+    """
+    force_x = skew(w[:, :3])  # omega x force = -force x omega
+    moment_x = skew(w[:, 3:])
+    v = twists[:, :3]
+    omega = twists[:, 3:]
+    return np.concatenate((-force_x @ omega, -moment_x @ omega - force_x @ v), axis=1)
+
+
+class _LinePartials(NamedTuple):
+    """The tensions of lines and their derivatives, where q, v and v_dot are independent.
+
+    The tension of a line depends on its length l, and on l_dot and l_ddot.
+
+    Attributes:
+        rows: Derivatives of l_dot and l_ddot by q and v, and the lines as closures of one row.
+        J: l_dot = J v, shape (lines, nv).
+        tensions: Tensions, those of moving masses included, shape (lines,), [N].
+        stiffness: Derivatives of the tensions by l, shape (lines,).
+        damping: Derivatives of the tensions by l_dot, shape (lines,).
+        masses: Derivatives of the tensions by l_ddot, shape (lines,).
+    """
+
+    rows: Partials
+    J: Array
+    tensions: Array
+    stiffness: Array
+    damping: Array
+    masses: Array
+
+
+def _line_partials(
+    context: Context, friction: Friction, q: Array, tau: Array, motion: TreeMotion
+) -> _LinePartials:
+    """The lines' tensions and their derivatives at q, with motor torques tau."""
+    lines = context.mechanism.lines
+    v = motion.v
+    lengths, J = context.lines.evaluate(q)
+    rates = J.dot(v)
+    tensions = tensions_in_motion(context, friction, q, v, motion.v_dot, tau)
+    taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
+    damping = lines.damping * taut
+    if lines.coulomb.any():
+        damping = damping + lines.coulomb * sign_slope(rates, friction.sign_width)
+    return _LinePartials(
+        rows=partials(context.lines.loops, q, motion),
+        J=J,
+        tensions=tensions,
+        stiffness=lines.stiffness * taut,
+        damping=damping,
+        masses=lines.masses,
+    )
+
+
+def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
+    """The derivatives of the tree, plus the derivatives of J^T tensions for constant J.
+
+    The loads on the tree already contain the changes of J, the directions of the lines.
+    """
+    by_q, by_v, M = of_tree
+    per_length = lines.J.T * lines.stiffness
+    per_rate = lines.J.T * lines.damping
+    per_acceleration = lines.J.T * lines.masses
+    by_q = by_q + per_length.dot(lines.J)
+    by_q += per_rate.dot(lines.rows.velocity_q)
+    by_q += per_acceleration.dot(lines.rows.acceleration_q)
+    by_v = by_v + per_rate.dot(lines.J)
+    by_v += per_acceleration.dot(lines.rows.acceleration_v)
+    return _TreePartials(by_q, by_v, M + per_acceleration.dot(lines.J))
+
+
+class _ForceDerivatives(NamedTuple):
+    """Derivatives of the forces along the coordinates, and L.
+
+    Attributes:
+        by_q: By q along L e_k in column k, shape (n, n).
+        by_va: By va, shape (n, n).
+        by_aa: By aa: the mass matrix in the coordinates, shape (n, n).
+        L: Joint orthogonal complement, shape (nv, n).
+    """
+
+    by_q: Array
+    by_va: Array
+    by_aa: Array
+    L: Array
+
+
+def _along_coordinates(
+    of_tree: _TreePartials, rows: Partials, L: Array, G: Array
+) -> _ForceDerivatives:
+    """The chain rule: derivatives of L^T F, with constant L and the forces F(q, v, v_dot).
+
+    G is `JointComplement.inverse`: Phi G b = b, and G b has zero rates of the coordinates.
+    """
+    # The velocity b = Phi v and the acceleration c = Phi v_dot + Phi_dot v of the rows are zero.
+    # Their derivatives along L: b_q L + Phi v_q = 0 and c_q L + c_v v_q + Phi v_dot_q = 0.
+    v_q = -G.dot(rows.velocity_q.dot(L))
+    v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
+    v_dot_va = -G.dot(rows.acceleration_v.dot(L))
+
+    force_q, force_v, M = of_tree
+    inertia = L.T.dot(M).dot(L)
+    return _ForceDerivatives(
+        by_q=L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q)),
+        by_va=L.T.dot(force_v.dot(L) + M.dot(v_dot_va)),
+        by_aa=(inertia + inertia.T) / 2,
+        L=L,
+    )
+
+
+def linear_system(d: AccelerationDerivatives, rates: Array | None) -> tuple[Array, Array]:
+    """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of x' = A x + B u.
+
+    x = (displacements of the coordinates, deviations of va), and u are deviations of the torques.
+    `rates` are `Derivatives.displacement_rates`, shape (..., n, n), or None if no joint axes move.
+    """
+    # The columns of [A B] belong to the displacements, to va and to u.
+    accelerations = np.concatenate(d, axis=-1)
+    n = accelerations.shape[-2]
+    A_B = np.zeros((*accelerations.shape[:-2], 2 * n, accelerations.shape[-1]))
+    if rates is not None:
+        A_B[..., :n, :n] = rates
+    A_B[..., :n, n : 2 * n] = np.eye(n)
+    A_B[..., n:, :] = accelerations
+    return A_B[..., : 2 * n], A_B[..., 2 * n :]
+
+
+def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
+    """A and B of the exact step over dt, with constant u: x(t + dt) = A_d x(t) + B_d u.
+
+    They are the upper blocks of the exponential of [A B; 0 0] dt.
+    """
+    from scipy.linalg import expm
+
+    states, inputs = B.shape[-2:]
+    A_B = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
+    A_B[..., :states, :states] = A
+    A_B[..., :states, states:] = B
+    with np.errstate(over="ignore", invalid="ignore"):
+        step = expm(A_B * dt)
+    # Samples that are NaN already have failed before.
+    is_valid = np.isfinite(A_B).all(axis=(-2, -1))
+    overflows = is_valid & ~np.isfinite(step).all(axis=(-2, -1))
+    if overflows.any():
+        fastest = float(np.abs(np.linalg.eigvals(np.nan_to_num(A)).real).max())
+        raise InputError(
+            "dt",
+            f"{dt:g} s is too long: the exponential overflows, A has poles of {fastest:.3g} /s",
+        )
+    return step[..., :states, :states], step[..., :states, states:]
