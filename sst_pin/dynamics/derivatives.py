@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives of inverse and direct dynamics along the motions that keep the loops closed.
 
-docs/derivatives.md derives the equations. `Derivatives`, at the end, computes them in three steps:
+docs/derivatives.md derives the equations. `Derivatives` computes them in three steps:
 
 1. On the tree, where q, v and v_dot are independent: derivatives of its inverse dynamics. Closures,
    lines and external wrenches are loads on its bodies (`_Load`): wrenches that change with q.
 2. On the tree too: derivatives of the velocities and accelerations of the closures' rows
    (`row_derivatives`). These say how v and v_dot must change so that the loops stay closed.
 3. The chain rule joins both (`_along_coordinates`).
+
+The functions of steps 1 and 3 come after the class. Then come functions for linear models.
 
 On the tree, a derivative by q has a column for each rate: the derivative along this rate, as
 Pinocchio's. Along the loops, it has a column for each coordinate k: the derivative along L e_k, the
@@ -182,14 +184,15 @@ class Derivatives:
         L = context.complement.L
         G = context.complement.inverse
         motion = TreeMotion(context.loops, v, v_dot)
-        rows = partials(context.loops, q, motion)
+        rows = partials(context.loops, q, motion)  # step 2
         F = context.tree_forces(v, v_dot)
         F -= applied_forces(context, friction, q, v, wrenches, tau)
         # lambda solves Phi_u^T lambda = F_u, where u are the dependent rates. The rows of G for
         # these rates are the inverse of Phi_u, the others are zero: lambda = G^T F.
         multipliers = G.T.dot(F)
 
-        # Loads on the bodies: of closures, of lines, external wrenches, and lifted weights.
+        # Step 1. The loads on bodies: closures, lines, external wrenches, and forces that cancel
+        # a part of the weights.
         loads = [_on_frames(closure, multipliers) for closure in rows.closures]
         of_lines: _LinePartials | None = None
         if not mechanism.lines.none:
@@ -198,7 +201,7 @@ class Derivatives:
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(motion, context.loops, wrenches.reshape(-1, 6)))
         if mechanism.weight_shares is not None:
-            loads.append(_lifts(motion, context.loops, mechanism.weightless_parts))
+            loads.append(_on_weightless_parts(motion, context.loops, mechanism.weightless_parts))
 
         # Partial derivatives of F - Phi^T lambda.
         of_tree = self._tree_partials(v, v_dot, loads)
@@ -211,7 +214,7 @@ class Derivatives:
         of_tree.by_v[...] -= np.diag(friction.slopes(v))
         if not mechanism.springs.none:
             of_tree.by_q[...] -= mechanism.springs.slopes(mechanism.model, q)
-        return _along_coordinates(of_tree, rows, L, G)
+        return _along_coordinates(of_tree, rows, L, G)  # step 3
 
     def _tree_partials(self, v: Array, v_dot: Array, loads: list[_Load]) -> _TreePartials:
         """Derivatives of RNEA minus the forces J^T w of the loads.
@@ -250,6 +253,9 @@ class Derivatives:
 
     def _friction(self, sign_width: float) -> Friction:
         return replace(self._mechanism.friction, sign_width=sign_width)
+
+
+# --- step 1: the tree and its loads -----------------------------------------------------------
 
 
 class _TreePartials(NamedTuple):
@@ -313,17 +319,17 @@ def _on_mass_centres(motion: TreeMotion, loops: Loops, wrenches: Array) -> _Load
     return _Load(joints, frames, w, w_q)
 
 
-def _lifts(motion: TreeMotion, loops: Loops, lifted: Mapping[int, Array]) -> _Load:
+def _on_weightless_parts(motion: TreeMotion, loops: Loops, parts: Mapping[int, Array]) -> _Load:
     """Forces that cancel the part of the weights that does not act, as a load on their bodies.
 
-    `lifted` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of
+    `parts` is `Mechanism.weightless_parts`: [mass; first moment] of this part, by the indices of
     the bodies.
     """
-    joints = [loops.tree.bodies[1 + body] for body in lifted]
+    joints = [loops.tree.bodies[1 + body] for body in parts]
     frames = motion.frames(joints, [loops.data.oMi[joint].homogeneous for joint in joints])
     # A placement M takes the first moment m c and the mass m to those about the world's origin:
     # M [m c; m] = [m (R c + p); m], without the last row. Axes: k bodies, i and j of M, q rates.
-    masses, *moments = np.transpose(list(lifted.values()))
+    masses, *moments = np.transpose(list(parts.values()))
     moments_and_masses = np.transpose([*moments, masses])
     at_origin = np.einsum("kij,kj->ki", frames.M[:, :3], moments_and_masses)
     at_origin_q = np.einsum("qkij,kj->kiq", frames.M_q[..., :3, :], moments_and_masses)
@@ -410,6 +416,9 @@ def _with_lines(of_tree: _TreePartials, lines: _LinePartials) -> _TreePartials:
     return _TreePartials(by_q, by_v, M + per_acceleration.dot(lines.J))
 
 
+# --- step 3: the chain rule -------------------------------------------------------------------
+
+
 class _ForceDerivatives(NamedTuple):
     """Derivatives of the forces along the coordinates, and L.
 
@@ -447,6 +456,9 @@ def _along_coordinates(
         by_aa=(inertia + inertia.T) / 2,
         L=L,
     )
+
+
+# --- linear models ----------------------------------------------------------------------------
 
 
 def linear_system(d: AccelerationDerivatives, rates: Array | None) -> tuple[Array, Array]:
