@@ -15,10 +15,16 @@ within it.
 
 - `_advance` integrates to a target: the end of the motion, the next change of sampled torques, or
   the start of a step over a singular configuration. Each integrator of SciPy stays in one choice of
-  coordinates, and `_make_steps` makes its steps. After an irregular step, `_before_irregular` goes
-  back: the motion is integrated again, to an earlier target just before the irregular part. There
-  `_leave_irregular` changes the coordinates, or ends the motion.
+  coordinates, and `_make_steps` makes its steps.
 - `_cross` makes a step over a singular configuration.
+
+After an irregular step, `_before_irregular` chooses one of two ways to go on:
+
+- If a singular configuration is ahead that can be stepped over, the motion begins to approach it.
+  It returns to an earlier state, and is integrated from there until the start of the step over this
+  configuration.
+- Otherwise the irregular step is repeated, with a target just before its irregular part. There
+  `_leave_irregular` changes the coordinates, or ends the motion.
 """
 
 from __future__ import annotations
@@ -186,8 +192,8 @@ class Integration:
     def _advance(self, state: MotionState) -> MotionState:
         """Integrate until torques change, a step over a singular configuration starts, or the end.
 
-        It returns earlier in other coordinates, or with an earlier state if the motion has to go
-        back to approach a singular configuration.
+        It returns before that if the coordinates change, or if the motion begins to approach a
+        singular configuration. In the second case it returns an earlier state.
         """
         smooth_until = self._call_controller(state)
         time = min(self._end, smooth_until)
@@ -241,12 +247,12 @@ class Integration:
         step: IntegratorStep,
         part: RegularPart,
         target: _Target,
-        fraction: float,
+        regular_fraction: float,
     ) -> _Continuation:
         """How a motion goes on after an irregular step; the next step is shorter in any case.
 
-        - If a singular configuration is ahead that can be stepped over, the motion goes back and
-          approaches it.
+        - If a singular configuration is ahead that can be stepped over, the motion returns to an
+          earlier state and approaches this configuration.
         - Otherwise the motion is integrated again from `state` until just before the irregular part
           of the step, because the interpolated states within a step are less exact than the states
           at the ends of steps. At the new target, `_make_steps` changes the coordinates or ends the
@@ -255,14 +261,14 @@ class Integration:
           once.
 
         Args:
-            state: The state from which the step was made.
+            state: The state at the start of the step.
             step: The step.
             part: The part of the step along which the joints move continuously.
             target: The target of the step.
-            fraction: The fraction of the step that is taken for regular. It is less than that of
-                `part` if loops cannot be closed at an output time.
+            regular_fraction: The fraction of the step that is taken for regular. It is less than
+                `part.fraction` if the loops cannot be closed at an output time within the step.
         """
-        self._steps.shorten(fraction)
+        self._steps.shorten(regular_fraction)
 
         part_end = step.start + part.fraction * step.length  # the time at which q is `part.q`
         earlier = self._crossing.begin_approach(state, part_end, part.q)
@@ -271,9 +277,9 @@ class Integration:
             self._coordinate_change.allow_nearer()
             return _Continuation(earlier, None)
 
-        regular_length = fraction * step.length
+        regular_length = regular_fraction * step.length
         time = step.start + regular_length * (1 - _margin_of_repeat(target.repeats))
-        if time <= state.t:
+        if time <= step.start:  # no part of the step is regular
             return _Continuation(self._leave_irregular(state), None)
         return _Continuation(state, _Target(time, repeats=target.repeats + 1))
 
