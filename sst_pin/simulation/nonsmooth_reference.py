@@ -20,7 +20,12 @@ from ..states import LARGEST_AT_FIXED_STEP, NOT_FINITE, RolloutEnd, StateSpace, 
 
 
 class NonsmoothReference:
-    """Makes nonsmooth steps of one robot by the reference path; one object per thread."""
+    """Makes nonsmooth steps of one robot by the reference path; one object per thread.
+
+    Args:
+        engine: The robot.
+        rows: The rows of its contacts, ropes, cables, stops and dry friction.
+    """
 
     def __init__(self, engine: Engine, rows: NonsmoothRows) -> None:
         self._reference = engine.reference
@@ -65,7 +70,7 @@ class NonsmoothReference:
             first: Index of the state from which the steps are made.
             wrenches: Computes the external wrenches at a configuration.
             until_good: Whether to return, after one step or more, as soon as the robot's
-                coordinates are good.
+                coordinates are good. Then compiled code can make the next steps.
 
         Returns:
             The number of valid states, counted from the start of the motion, and an error if the
@@ -89,7 +94,7 @@ class NonsmoothReference:
                     return RolloutEnd(s + 1, None)
                 if good_space is not space:
                     space = good_space
-                    rates = v[space.coordinates]
+                    rates = v[space.coordinates]  # the coordinates are indices in v
                 forces = Forces(
                     tau=arrays.tau[i, s],
                     positions=arrays.positions[i, s],
@@ -122,11 +127,10 @@ class NonsmoothReference:
         """Refuse steps that diverge, change the assembly mode, or are too long for the loops."""
         if not np.isfinite(step.q).all() or not np.isfinite(step.x).all():
             raise StepError(NOT_FINITE)
-        model = self._mechanism.model
-        scale = self._mechanism.rate_scale
-        displacement = pin.difference(model, q, step.q)
+        scale = self._mechanism.rate_scale  # so that metres and radians can be compared
+        displacement = pin.difference(self._mechanism.model, q, step.q)
         # A step along the rates opens the loops, by an error of order h^2. The correction has
-        # closed them.
+        # closed them. It may be at most the part `LARGEST_BEND` of the step.
         correction = (displacement - h * step.v) / scale
         length = float(np.abs(h * step.v / scale).max())
         if np.abs(correction).max() > LARGEST_BEND * length + CLOSURE_TOLERANCE:
