@@ -233,7 +233,7 @@ def _require_determined_branch(
     if change != (-1) ** lost:
         raise BranchError(f"{_UNDETERMINED}: another singular configuration is next to it")
     # The smallest singular value falls linearly, to zero, unless branches are tangent to each
-    # other.
+    # other. `lost` is 0 if this value is not near zero at the root of u^T Phi w.
     halfway = jacobian.singular_values((start + time) / 2)[-1] / jacobian.values_at_start[-1]
     falls_linearly = _HALFWAY[0] < halfway < _HALFWAY[1]
     if lost == 0 or not falls_linearly:
@@ -312,7 +312,8 @@ def gauss_step(
         states = state + h * tableau.A.dot(rates)
         last_change = change
         change = float(np.abs(states - before).max())
-        # An iteration that does not halve the change has reached rounding.
+        # An iteration that does not halve the change has reached rounding. Only the ratio of two
+        # changes counts, so their units do not matter.
         if not change < last_change / 2:
             break
     states[:, :nq] = space.closed(states)

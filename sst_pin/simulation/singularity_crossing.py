@@ -29,8 +29,8 @@ from .state_equations import MotionState, StateEquations
 
 #: The most states from which a motion is extrapolated through a singular configuration.
 _EXTRAPOLATED = 6
-#: Each of these states is farther from the singular configuration than the next later one, by more
-#: than this factor in time.
+#: The time from each of these states to the singular configuration is longer than the time from the
+#: next later state to it, by more than this factor.
 _SPREAD = 1.5
 #: When an irregular step shows a singular configuration, a time T remains until the motion reaches
 #: it. The motion goes back, and the step over the configuration starts `EARLIER` T before it. If
@@ -191,9 +191,9 @@ class SingularityCrossing:
             self.crossings.append(step.crossing)
             self._past.clear()
             return step.behind, step.branch
-        # Another try starts at half the remaining time: the caller integrates until then. It must
-        # not start after the singular configuration was noticed, because accelerations are noisy
-        # from then on. (The first try may start after that, if the motion ends soon.)
+        # Another try starts after half of the remaining time; the caller integrates until then. It
+        # must not start after the time at which the singular configuration was noticed, because
+        # accelerations are noisy from then on. (Only the first try may, if the motion ends soon.)
         later_start = approach.start + approach.remaining / 2
         if later_start <= self._noticed:
             self.approach = Approach(later_start, approach.singular)
