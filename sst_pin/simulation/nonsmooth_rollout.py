@@ -186,7 +186,7 @@ class _Motions:
     compiled code goes on.
 
     Attributes:
-        steps_made: Number of steps of each motion, shape (N,) for the N motions of the batch.
+        steps_made: Number of steps of each motion, shape (M,) for the M motions of the batch.
         errors: Why motions ended early, by the index of the motion.
         cannot_start: Indices of the motions whose start is refused.
     """
@@ -258,7 +258,7 @@ class _Motions:
         self.steps_made[i] = steps_made
 
     def _wrenches(self, i: int, q: Array) -> Array | None:
-        """External wrenches on the bodies of motion i at a configuration, shape (r, 6)."""
+        """External wrenches on the r bodies of the robot in motion i at q, shape (r, 6)."""
         if self._wrenches_at is not None:
             return self._wrenches_at(i, q)
         return None if self._arrays.load is None else self._arrays.load[i]
@@ -270,7 +270,7 @@ def _results(
     """The arrays in the shapes of the arguments; a warning if a step is not solved."""
     steps = arrays.residual.shape[1]
 
-    # The status of each step, shape (N, steps).
+    # The status of each step, shape (M, steps) for the M motions of the batch.
     status = np.where(arrays.residual <= SOLVED, SOLVED_STEP, NOT_SOLVED)
     is_after_end = np.arange(steps) >= steps_made[:, None]
     status[is_after_end] = NOT_REACHED
@@ -288,14 +288,14 @@ def _results(
         return array.reshape(*batch, *array.shape[1:])
 
     parts = rows.parts
-    forces = of_batch(arrays.forces)
+    forces = of_batch(arrays.forces)  # one for each row, shape (..., steps, rows)
     contacts = len(rows.mechanism.contacts.points)
     return NonsmoothRollout(
         q=of_batch(arrays.q),
         va=of_batch(arrays.va),
         contact_forces=forces[..., parts.contacts].reshape(*batch, steps, contacts, 3),
         tensions=forces[..., parts.ropes.start : parts.cables.stop],  # cables follow ropes
-        joint_forces=forces @ rows.on_joints,
+        joint_forces=forces @ rows.on_joints,  # on_joints has shape (rows, nv)
         line_friction=forces[..., parts.dry_lines],
         residual=of_batch(arrays.residual),
         status=status.reshape(*batch, steps),
