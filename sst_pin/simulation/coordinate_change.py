@@ -15,7 +15,8 @@ from .integrator_step import IntegratorStep
 from .singularity_crossing import EARLIER
 from .state_equations import MotionState
 
-#: Condition number above which better coordinates are searched.
+#: Coordinates with a smaller condition number are good enough: the limit of the condition number is
+#: at least this, unless a user sets a smaller one.
 _POOR = 50.0
 #: On the way to a singular configuration, the limit of the condition number is higher by this
 #: factor. The condition number grows as the inverse of the remaining time. Between the noticing of

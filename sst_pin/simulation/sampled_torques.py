@@ -134,9 +134,11 @@ class Sampling:
         """When the function is called next, or the torques change, [s]; the earlier of both.
 
         If an output time, one of `times`, differs from this time by rounding only, the output time
-        is returned, so that the simulation does not make a tiny step between them. The result is
-        later than the time of the last call of `go_on`, because `go_on` does all that is due within
-        `_SAME` periods, and the result is moved by less than that.
+        is returned, so that the simulation does not make a tiny step between them.
+
+        The result is later than the time of the last call of `go_on`. This call has done all that
+        is due up to `_SAME` periods later, and the output time is at most half of that earlier than
+        the next change.
         """
         period = self._torque.period
         change = self._start + self._next_period * period

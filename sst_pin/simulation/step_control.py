@@ -30,7 +30,7 @@ _FINEST = 1e-12
 #: atol is at least this many roundings of max |q|.
 _ROUNDINGS = 16
 #: Implicit methods do not tell how often they evaluate the equations in a step. The last three
-#: evaluations belong to the end of its last iterations.
+#: evaluations in a step are those of its last iterations.
 _IMPLICIT_STAGES = 3
 
 
@@ -150,8 +150,8 @@ class StepControl:
     def _longest(self, t: float) -> float:
         """The longest step from a time that misses no change of a torque or load.
 
-        A step may pass one of the times of an input, not two. It is not longer than the interval
-        between two of these times in which it starts.
+        A step may pass one of the times of an input, but not two of them. It is also at most as
+        long as the interval of these times in which it starts.
         """
         longest = min(self._settings.max_step or np.inf, self._watch.longest_step(t))
         for times in self._input_times:
