@@ -124,11 +124,11 @@ def loads(
     """Loads along a motion under its torques and the weights; see `ClosedChain.loads`."""
     require_no_other_loads(engine, motion)
     w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness, axes)
-    # Of joints, then of closures, [force; moment]: wrenches, shape (N, joints + closures, 6), and
-    # which components the rigid robot determines at all samples, (joints + closures, 6).
+    # Wrenches [force; moment] of the joints, then of the closures, (N, joints + closures, 6).
     wrenches = _without_noise(
         np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
     )
+    # Which components the rigid robot determines at all samples, shape (joints + closures, 6).
     determined = np.all(np.concatenate(w.determined, axis=-2), axis=0)
     weights = np.ones(1)
     if len(motion) > 1:

@@ -30,7 +30,7 @@ class Finding:
 
     Attributes:
         problem: A sentence.
-        joints: The joints concerned.
+        joints: Names of the joints, lines or coordinates concerned.
         times: Times of the samples concerned, shape (n,), [s]; NaN for a single configuration.
         values: What is beyond its limits there, shape (n,): a position of a joint, [rad] or [m]; a
             rate; a force of the motors on a joint or a line, [N m] or [N]; a length of a line, [m];
@@ -64,7 +64,7 @@ class Finding:
 
 
 def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
-    """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
+    """Joints and lines beyond their limits, and singularities, at configurations (N, nq)."""
     mechanism = engine.mechanism
     model = mechanism.model
     space = mechanism.space

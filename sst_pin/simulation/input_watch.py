@@ -80,7 +80,7 @@ class InputWatch:
         return True
 
     def _misses(self, times: Array, step: IntegratorStep) -> bool:
-        """Whether an input at times within a step differs from its values in the stages.
+        """Whether a step misses a change: both conditions of the class are true at a time.
 
         The first time is the start of the step; it counts as a stage.
         """
@@ -114,13 +114,13 @@ def _accelerations(
     return np.asarray(rates[:, -len(space.coordinates) :])
 
 
-def _within(values: Array, stages: list[Array]) -> Array:
-    """Values clipped to the range of the stages, which is widened by half of it at both ends.
+def _within(values: Array, stage_values: list[Array]) -> Array:
+    """Values clipped to the range of those in the stages, widened by half of it at both ends.
 
-    The first of the values counts as a stage.
+    The first of the values counts as one in a stage.
     """
-    all_stages = np.array([values[0], *stages])
-    low = all_stages.min(axis=0)
-    high = all_stages.max(axis=0)
+    all_stage_values = np.array([values[0], *stage_values])
+    low = all_stage_values.min(axis=0)
+    high = all_stage_values.max(axis=0)
     margin = (high - low) / 2
     return np.clip(values, low - margin, high + margin)

@@ -15,7 +15,7 @@ from .state_equations import MotionState, Samples, StateEquations
 class MotionOutput:
     """Collects the samples of a motion while it passes the output times.
 
-    A sample that stands is not replaced when the motion goes back and passes its time again.
+    If the motion goes back and passes an output time again, the sample that was added first stays.
     """
 
     def __init__(self, times: Array) -> None:

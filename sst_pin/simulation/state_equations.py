@@ -182,7 +182,7 @@ class StateEquations:
         return q, v, v_dot
 
     def inputs_along(self, times: Array, states: Array) -> tuple[Array, Array | None]:
-        """Torques, shape (N, motors), and loads, (N, r, 6), at times and states."""
+        """Torques, shape (N, motors), and wrenches on the r bodies, (N, r, 6), at N states."""
         q, va = self._robot_states(states)
         return self._inputs_at(times, q, va)
 
