@@ -14,14 +14,15 @@ Polynomial Algebra, SIAM 2004):
 1. Multiply each quadric by each of the 10 monomials of degree two, such as x^2 or x y. The results
    are 30 equations of degree four, which are linear in the 35 monomials of degree four. Their
    coefficients are the Macaulay matrix, shape (30, 35). Its null space has dimension eight: the
-   values z of the 35 monomials at each of the eight solutions are in it, and span it. Degree four
-   is the smallest degree for which this holds.
+   values z of the 35 monomials at each of the eight solutions are in it, and span it.
 2. Let the columns of N span the null space, so that each solution has z = N c with eight numbers c.
    Take two linear forms a . p and b . p with generic a, b. The 20 monomials of degree three times
    a . p are sums of entries of z = N c. So they are S_a c, with a matrix S_a of shape (20, 8). The
    same monomials times b . p are S_b c. At a solution both products differ only by the ratio
    r = (a . p) / (b . p): S_a c = r S_b c. So each c is an eigenvector of the 8 x 8 matrix
-   pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique.
+   pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique. Degree four is the
+   smallest for which S_b has rank eight, as c must be determined by S_b c; in degree three it has
+   rank seven.
 3. From an eigenvector follows z = N c. The products of one monomial of degree three with x, y, z, w
    are entries of z and proportional to p. Newton's method removes the rounding of the eigenvectors.
 """
@@ -86,8 +87,8 @@ def orientations(u: Array, m: Array) -> Array:
     A = _quadrics(u, m)
     solutions: list[Array] = []
     for candidate in _intersections(A):
-        # A solution is known up to a complex factor. It is turned in the complex plane until its
-        # largest component is real. Then all components of a real solution are real.
+        # A solution is known up to a complex factor: a real solution p may appear as c p. Then all
+        # its components have the phase of c, or the opposite one. This phase is removed.
         largest = candidate[np.argmax(np.abs(candidate))]
         p = candidate * np.exp(-1j * np.angle(largest))
         if np.abs(p.imag).max() > _IMAGINARY:
@@ -124,8 +125,8 @@ def _is_among(p: Array, solutions: list[Array]) -> bool:
     return False
 
 
-#: The quadrics meet in a curve, not in points, if the ninth smallest singular value of the Macaulay
-#: matrix is below this part of the largest.
+#: The Macaulay matrix has rank 35 - 8 = 27 if the quadrics meet in eight points. They meet in a
+#: curve if the 27th singular value, the largest first, is below this part of the largest one.
 _CURVE = 1e-10
 
 
@@ -143,7 +144,8 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
         macaulay[:, factor, columns] = coefficients
     _, singular_values, Vt = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
     largest = singular_values[0]
-    least = singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1]
+    rank = len(_DEGREE_4) - _N_SOLUTIONS
+    least = singular_values[rank - 1]
     if least < _CURVE * largest:
         raise SingularConfigurationError(
             "the motor angles do not determine the star: it can move while the motors are fixed",
