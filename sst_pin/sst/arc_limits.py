@@ -2,9 +2,9 @@
 """Poses that the equations allow but the machine cannot reach.
 
 The passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc of
-Eq. (54). R_k stays on the side P_k P_{k+1} of the base triangle, 0 <= gamma_k <= angle(v_k,
-v_{k+1}). Every joint also has the limits of the URDF. Close to a singularity torques or motions
-grow without bound.
+Eq. (54). The point R_k of leg k stays on the side P_k P_{k+1} of the base triangle:
+0 <= gamma_k <= angle(v_k, v_{k+1}), where v_k is the direction from O to P_k. Every joint also has
+the limits of the URDF. Close to a singularity torques or motions grow without bound.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ _END = 1e-9
 
 def arc_ends(geometry: kinematics.Geometry) -> Array:
     """Limits of each joint from the length of its arc, shape (2, 9), [rad]; mu_k has none."""
-    v = geometry.R_0[:, :, 0]
+    v = geometry.R_0[:, :, 0]  # rows
     low = np.full((3, 3), -np.inf)  # leg, joint
     high = np.full((3, 3), np.inf)
     low[:, 0] = 0.0  # gamma_k
@@ -68,9 +68,10 @@ def findings(
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
         is_close = sine < SMALLEST_SINE
         limits = (SMALLEST_SINE, np.inf)
-        yield from singular(problem, (names[3 * k - 2],), t, sine, is_close, limits)
+        yield from singular(problem, (f"mu_{k}",), t, sine, is_close, limits)
     condition = np.linalg.cond(legs.y_2)
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
     is_close = condition > LARGEST_CONDITION
     limits = (-np.inf, LARGEST_CONDITION)
-    yield from singular(problem, names[::3], t, condition, is_close, limits)
+    motors = names[::3]  # gamma_k
+    yield from singular(problem, motors, t, condition, is_close, limits)

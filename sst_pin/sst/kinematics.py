@@ -3,8 +3,8 @@
 
 Leg k is Rot(z, gamma_k) Rot(x, mu_k) Rot(z, beta_k) from {0k} to {3k}, Eqs. (26)-(29). The leg
 depends only on the normal n_k = e_{k+6} of its arc's plane, the z axis of {3k}. The passive axis
-e_{k+3} is normal to e_k and n_k, so R_k is one of two antipodal points: the sign of sin(mu_k) is
-the branch of the leg.
+e_{k+3} goes from O to R_k, the point of leg k on the base triangle. It is normal to e_k and n_k, so
+R_k is one of two antipodal points: the sign of sin(mu_k) is the branch of the leg.
 """
 
 import itertools
@@ -172,9 +172,10 @@ def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
 def home_orientation(geometry: Geometry) -> Array:
     """{E} in the base at home, shape (3, 3).
 
-    s points to the middle of the base triangle, and R_1 is in the middle of its side P1P2.
+    s points to the middle of the base triangle, and the point R_1 of leg 1 is in the middle of the
+    side P_1 P_2 of this triangle.
     """
-    v = geometry.R_0[:, :, 0]
+    v = geometry.R_0[:, :, 0]  # from O to P_k, rows
     e_1 = geometry.e[0]
     s = v.sum(axis=0)
     s /= np.linalg.norm(s)

@@ -108,8 +108,8 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
         for k, R_E in enumerate(geometry.R_E, start=1)
     ]
     # Eqs. (30), (31), (35): {E} in {3k} is Rot(x, -turn) with turn = alpha_2 for leg 2 and
-    # turn = alpha_2 + alpha_3 for leg 3. Rows y and z of its columns y and z are
-    # [[cos(turn), sin(turn)], [-sin(turn), cos(turn)]].
+    # turn = alpha_2 + alpha_3 for leg 3. In its row y, the entry in column y is cos(turn) and the
+    # entry in column z is sin(turn).
     sines = geometry.R_E[1:, 1, 2]
     cosines = geometry.R_E[1:, 1, 1]
     turns = np.arctan2(sines, cosines) % (2 * np.pi)
