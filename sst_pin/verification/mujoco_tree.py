@@ -32,9 +32,9 @@ class MujocoTree:
 
         Args:
             mechanism: The robot.
-            closed: Stiffness of the closures, [1/s^2]. Then MuJoCo's model has the closures as
-                equality constraints, critically damped, and friction, springs and motors; by
-                default it has the tree only.
+            closed: None for the tree alone, or the stiffness of the closures, [1/s^2]. With a
+                stiffness, MuJoCo's model also has the closures, as equality constraints with
+                critical damping, and friction, springs and motors.
         """
         self._model = mechanism.model
         try:
@@ -63,8 +63,8 @@ class MujocoTree:
         for element in document.bodies:
             name = element.get("name")
             self._bodies.append(0 if name is None else self.mj.body(name).id)
-        # MuJoCo compiles no mass or inertia below a minimum: the document has the minimum instead.
-        # The compiled model can have the robot's own values, also smaller ones.
+        # MuJoCo's compiler refuses masses and inertias below a minimum, so the document has this
+        # minimum in their place. The compiled model may have smaller values: the robot's own.
         for body, inertia in zip(self._bodies[1:], list(self._model.inertias)[1:], strict=True):
             self.mj.body_mass[body] = inertia.mass
             self.mj.body_inertia[body] = principal_axes(inertia.inertia)[0]
@@ -75,23 +75,26 @@ class MujocoTree:
         S = np.zeros((self.mj.nv, self._model.nv))
         S_dot_v = np.zeros(self.mj.nv)
         for joint in self._joints:
-            # The joint's part of qpos.
             mujoco_joint = self.mj.joint(joint.name)
+            # The entries of the joint in MuJoCo's qpos.
             qpos = joint.qpos(q)
             position = mujoco_joint.qposadr[0]
             self.data.qpos[position : position + len(qpos)] = qpos
 
-            # The joint's rows of S and S_dot v.
-            rates = v[joint.rates]
+            # The rates of the joint in MuJoCo's qvel are factor * v[joint.rates], where the factor
+            # is that of a mimic joint, or 1.
+            count = len(joint.rates)
             dof = mujoco_joint.dofadr[0]
-            S_of_joint = S[dof : dof + len(rates)]  # a view
-            S_of_joint[:, joint.rates] = joint.factor * np.eye(len(rates))
+            S[dof : dof + count, joint.rates] = joint.factor * np.eye(count)
             if joint.kind == "free":
-                # MuJoCo takes the velocity of the origin in base axes, Pinocchio in body axes:
-                # R v_linear, with the derivative R (omega x v_linear) for constant rates.
+                # Of the velocity of the origin, MuJoCo has the components in base axes, Pinocchio
+                # those in body axes, u. So MuJoCo's are R u, and their derivative for constant
+                # rates is R (omega x u), with omega in body axes.
                 R = pin.Quaternion(*qpos[3:]).matrix()
-                S_of_joint[:3, joint.rates[:3]] = R
-                S_dot_v[dof : dof + 3] = R @ np.cross(rates[3:], rates[:3])
+                u = v[joint.rates[:3]]
+                omega = v[joint.rates[3:]]
+                S[dof : dof + 3, joint.rates[:3]] = R
+                S_dot_v[dof : dof + 3] = R @ np.cross(omega, u)
         self.data.qvel[:] = S @ v
         self._mujoco.mj_fwdPosition(self.mj, self.data)
         self._mujoco.mj_fwdVelocity(self.mj, self.data)
