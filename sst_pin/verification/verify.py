@@ -174,8 +174,9 @@ def _expected(
     J = chain.actuator_jacobian(q)
     sizes_of_torques = np.abs(np.linalg.pinv(J.T)) @ sizes
 
-    # The accelerations are the inverse of M times forces: those of the motors, J^T tau, and f
-    # without M aa. The system with M increases rounding by the condition number of M.
+    # The accelerations under tau are M^-1 (J^T tau - h), where the forces h = f - M aa do not
+    # depend on accelerations. So the terms of J^T tau - h are those of J^T tau, f and M aa. The
+    # system with M increases rounding by the condition number of M.
     M = chain.reduced_terms(q, va).inertia
     sizes_with_motors = sizes + np.abs(M) @ np.abs(aa) + np.abs(J.T) @ np.abs(tau)
     sizes_of_accelerations = np.abs(np.linalg.inv(M)) @ sizes_with_motors
