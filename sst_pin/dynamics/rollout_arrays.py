@@ -17,7 +17,8 @@ class RolloutArrays(NamedTuple):
         va0: Rates at the starts, shape (N, n).
         tau: Torques that are constant in each step, shape (N, steps, motors), or those at the
             start, the middle and the end of each step, shape (N, 2 steps + 1, motors).
-        load: Constant external wrenches, shape (N, 6 r), or None.
+        load: Constant external wrenches [force; moment] on all r bodies at their mass centres, base
+            axes, shape (N, 6 r), or None.
         q: Configurations to fill, shape (N, steps + 1, nq); NaN after the end of a motion.
         va: Rates to fill, shape (N, steps + 1, n).
     """
@@ -47,7 +48,10 @@ class RolloutArrays(NamedTuple):
         return self.tau[i, 2 * s : 2 * s + 3]
 
     def rest(self, i: int, first: int) -> RolloutArrays:
-        """Rollout i alone, from its state `first` on; q and va of the result are views."""
+        """The rest of rollout i alone: from its state number `first` on.
+
+        q and va of the result are views of those of this object.
+        """
         motion = slice(i, i + 1)
         q0 = self.q0[motion]
         va0 = self.va0[motion]

@@ -16,7 +16,8 @@ _SLOPES = ((0, 1 / 6, 1 / 2), (1, 1 / 3, 1 / 2), (1, 1 / 3, 1), (2, 1 / 6, 0))
 def runge_kutta_step(rate: Callable[[int, X], X], state: X, h: Any) -> X:
     """The state after a step h.
 
-    `rate(when, state)` is the slope at the start (0), in the middle (1), or at the end (2).
+    `rate(when, state)` is the time derivative of a state. `when` says where in the step the state
+    is: at the start (0), in the middle (1), or at the end (2).
     """
     stage = end = state
     for when, weight, ahead in _SLOPES:
