@@ -19,9 +19,9 @@ class Solid(NamedTuple):
     """A shape with an inertia, placed on a body.
 
     Attributes:
-        inertia: In the frame of the shape.
-        shape: About the origin of its own frame.
-        at: Placement of this frame on the body.
+        inertia: Inertia in the frame of the shape.
+        shape: The shape, centred at the origin of its frame.
+        at: Placement of the frame of the shape on the body.
     """
 
     inertia: pin.Inertia
@@ -33,7 +33,10 @@ Solids = list[Solid]
 
 
 def rods(mass: float, points: ArrayLike, radius: float) -> Solids:
-    """Round rods of one radius along a line of points, shape (n, 3); total mass; SI units."""
+    """Round rods from each point to the next one, as a polyline; SI units.
+
+    `points` has the shape (n, 3). `mass` is that of all rods together.
+    """
     points = np.asarray(points, dtype=float)
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -46,7 +49,7 @@ def rods(mass: float, points: ArrayLike, radius: float) -> Solids:
 
 
 def rod(mass: float, end: ArrayLike, radius: float) -> Solids:
-    """A round rod from the origin to a point."""
+    """A round rod from the origin to a point `end`, shape (3,)."""
     return rods(mass, np.stack([np.zeros(3), end]), radius)
 
 
@@ -56,7 +59,10 @@ def bar(mass: float, length: float, radius: float) -> Solids:
 
 
 def star(mass: float, points: ArrayLike, radius: float) -> Solids:
-    """Rods of equal mass from the centre of some points to each of them; total mass."""
+    """Rods of equal mass from the centre of some points, shape (n, 3), to each of the points.
+
+    `mass` is that of all rods together.
+    """
     ends = np.asarray(points, dtype=float)
     centre = ends.mean(axis=0)
     solids = []
@@ -66,7 +72,11 @@ def star(mass: float, points: ArrayLike, radius: float) -> Solids:
 
 
 def arc(mass: float, angle: float, radius: float, thickness: float) -> Solids:
-    """Four rods along an arc about x that begins on the z axis; `thickness` is their radius."""
+    """Four rods along an arc of a circle about the x axis.
+
+    The arc begins on the z axis and turns by `angle`, [rad], positive towards -y. `radius` is that
+    of the circle, `thickness` that of the rods, [m]. `mass` is that of all rods together.
+    """
     turns = np.linspace(0, angle, 5)
     points = radius * np.stack([0 * turns, -np.sin(turns), np.cos(turns)], axis=1)
     return rods(mass, points, thickness)
@@ -88,7 +98,7 @@ def disc(mass: float, radius: float, thickness: float) -> Solids:
 def body(
     mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
 ) -> Solids:
-    """A body of known inertia, drawn as massless rods along a line of points, shape (n, 3).
+    """A body of known inertia, drawn as massless rods along a polyline of points, shape (n, 3).
 
     `moments` are the principal moments of inertia about the mass centre, along the body's axes.
     """
@@ -136,13 +146,13 @@ class Tree:
         self.add_joint(name, pin.JointModelRZ(), solids, parent, at)
 
     def add_frame(self, name: str, body: str, at: ArrayLike | pin.SE3) -> None:
-        """Add a frame on a joint's body at a placement, or at an origin along the body's axes."""
+        """Add a frame on a joint's body, at a placement, or at a point with the body's axes."""
         placement = at if isinstance(at, pin.SE3) else shift(at)
         joint = self.model.getJointId(body)
         self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
 
     def make_platform(self, body: str, at: ArrayLike | pin.SE3 = (0, 0, 0)) -> None:
-        """Make a body the platform, with the frame "platform"."""
+        """Make a body the platform: add the frame "platform" and colour the body's shapes."""
         self.add_frame("platform", body, at)
         for shape in self.visual_model.geometryObjects:
             if shape.parentJoint == self.model.getJointId(body):

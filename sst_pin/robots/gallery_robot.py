@@ -121,7 +121,7 @@ class GalleryRobot(ClosedChain):
         errors = np.abs(self._pose_in(loops.data) - pose)
         if self._is_point:
             errors[:3, :3] = 0.0  # its orientation does not count
-        # Both free of units.
+        # Errors and openings are compared free of units: lengths in units of the robot's length.
         units = np.ones((4, 4))
         units[:3, 3] = self.mechanism.length
         largest_error = (errors / units).max()
@@ -149,7 +149,7 @@ class GalleryRobot(ClosedChain):
         return for_each_sample(self._pose, (configurations,), (1,), (4, 4))
 
     def _configuration(self, pose: pin.SE3) -> Array:
-        """The configuration in closed form; NaN out of reach."""
+        """The configuration by the closed-form inverse kinematics; NaN out of reach."""
         q: Array = pin.neutral(self._tree)
         with np.errstate(invalid="ignore"):  # the arccosine of a ratio above 1 is NaN
             coordinates = self._closed_form(pose)

@@ -57,9 +57,11 @@ def two_link(target: ArrayLike, first: float, second: float, *, elbow: int) -> t
     """Angles of a planar two-link arm whose tip is at a point relative to its shoulder, [rad].
 
     The shoulder angle is from the x axis, the elbow angle from the first link. Of the two
-    solutions, the one whose elbow angle has the sign `elbow`, 1 or -1, is returned.
+    solutions, the one whose elbow angle has the sign `elbow`, 1 or -1, is returned. Both angles are
+    NaN if the arm cannot reach the point.
     """
     x, y, *_ = np.asarray(target, dtype=float)
+    # The law of cosines in the triangle of both links and the target.
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)
     with np.errstate(invalid="ignore"):
         bend = elbow * np.arccos(cosine)
