@@ -72,8 +72,9 @@ class _Drive:
     def joints(self, R: Array) -> Joints:
         """Angles of motor and rod for an orientation R of the link; NaN out of reach.
 
-        The tip of the crank is c(phi) = crank (-cos(phi), 0, sin(phi)), seen from the motor. The
-        rod has its length if |r - c(phi)| = length for the eye at r = (x, y, z), thus
+        The motor turns by phi about y. Seen from the motor, the tip of the crank is at
+        c(phi) = crank (-cos(phi), 0, sin(phi)), and the eye at r = (x, y, z). The rod connects
+        both, so |r - c(phi)| = length. Squared, this is
 
             -x cos(phi) + z sin(phi) = (r . r + crank^2 - length^2) / (2 crank).
 
@@ -250,7 +251,11 @@ def _ankle_drives(width: float, lever: float, heights: tuple[float, float]) -> l
 
 
 def _knee_drive(height: float, crank: float, lever: float) -> _Drive:
-    """The drive of the knee; where the knee is bent by 1 rad, lever and crank are horizontal."""
+    """The drive of the knee; where the knee is bent by 1 rad, lever and crank are horizontal.
+
+    Both then point backward. The eye is crank - lever in front of the tip of the crank, and
+    `height` below it, which gives the length of the rod.
+    """
     eye = _pitch_roll(-1.0) @ (-lever, 0.0, 0.0)
     length = float(np.hypot(height, crank - lever))
     return _Drive(
@@ -338,8 +343,9 @@ def _leg_joints(
 ) -> Joints:
     """Inverse kinematics of the leg; `lengths` are those of thigh and shank.
 
-    Thigh and shank are a two-link arm to the ankle, in the plane with the axes -z and -x, in which
-    turns about y are positive. The ankle turns the foot from the shank to its orientation.
+    Thigh and shank are a two-link arm from the hip to the ankle. The plane of this arm has the axes
+    -z, along the straight leg, and -x: a positive turn about y brings -z to -x. The ankle then
+    turns the foot to its orientation.
     """
     thigh, shank = lengths
     x, _, z = pose.translation
