@@ -137,11 +137,13 @@ def _spherical_joints(pose: pin.SE3) -> Joints:
         wrist = pose.rotation @ _wrist_on_platform(k).rotation
         w = wrist[:, 2]
 
+        # The motor's frame, where the motor is at 0.
         motor_frame = _motor_on_base(k).rotation
         w_in_motor = motor_frame.T @ w
         motor = np.arctan2(w_in_motor[1], w_in_motor[0])
         joints[f"motor_{k}"] = motor
 
+        # The elbow's frame, where the elbow is at 0.
         elbow_frame = motor_frame @ rpyToMatrix(0.0, 0.0, motor) @ quarter
         w_in_elbow = elbow_frame.T @ w
         elbow = np.arctan2(w_in_elbow[0], -w_in_elbow[1])
@@ -161,9 +163,9 @@ def _motor_on_base(k: int) -> pin.SE3:
 def _wrist_on_platform(k: int) -> pin.SE3:
     """The frame of wrist k on the platform. Its z axis is the wrist's; the three axes point up.
 
-    A motor's axis, reversed, points up and is an edge of a cube; the wrists' axes are the edges of
-    the same cube. At home wrist k is along the reversed axis of motor k + 1. So the axes of motor k
-    and wrist k are at right angles, and the axis of elbow k is the third edge.
+    The axes of the motors, reversed, point up: they are three edges of a cube. At home, the axes of
+    the wrists are the same three edges. Wrist k is along the reversed axis of motor k + 1, so that
+    the axes of motor k and wrist k are at right angles. The axis of elbow k is the third edge.
     """
     return _tilted_frame(2 * np.pi / 3 * (k + 1) + np.pi, _CUBE)
 
@@ -221,7 +223,11 @@ def bennett(
 
 
 def _bennett_joints(half_coupler: float, ratio: float, pose: pin.SE3) -> Joints:
-    """Inverse kinematics: the pin of the crank is half a coupler behind the platform."""
+    """Inverse kinematics: the pin of the crank is half a coupler behind the platform.
+
+    In Bennett's linkage the angles of opposite hinges add up to a full turn. The hinge of the
+    follower is opposite to that of the crank, so its angle is -crank.
+    """
     crank = angle_of(pose.act(np.array([-half_coupler, 0, 0])))
     return {"crank": crank, "coupler": _coupler_angle(crank, ratio), "follower": -crank}
 
