@@ -274,8 +274,8 @@ def delta(
     """
     tree = Tree("delta")
     closures = []
-    # The body of the platform has its frame at the ball of rod_1a, which is at `first` from the
-    # centre of the platform.
+    # In the tree, the body of the platform has its origin at the ball of rod_1a. `first` is the
+    # position of this ball, seen from the centre of the platform.
     first = np.array([platform_radius, spacing / 2, 0])
     end = (0, 0, -forearm)
     for k in (1, 2, 3):
@@ -299,9 +299,11 @@ def delta(
                 closures.append(Closure(f"ball_{name}", f"end_{name}", "3d"))
     joints = partial(_delta_joints, (base_radius, platform_radius), arm, forearm)
     motors = [f"motor_{k}" for k in (1, 2, 3)]
-    level = base_radius + arm - platform_radius  # horizontal part of a rod at level arms, at home
+    # At home the arms are level. `horizontal` is the horizontal part of a rod, whose length is
+    # `forearm`, so the vertical part is the depth of the platform.
+    horizontal = base_radius + arm - platform_radius
     with np.errstate(invalid="ignore"):
-        home = shift((0, 0, -np.sqrt(forearm**2 - level**2)))
+        home = shift((0, 0, -np.sqrt(forearm**2 - horizontal**2)))
     return GalleryRobot(tree, closures, motors, joints, home)
 
 
