@@ -59,13 +59,14 @@ def _bricard_joints(length: float, pose: pin.SE3) -> Joints:
     """Inverse kinematics, from both ends of the open chain to the platform's hinge.
 
     The frame of the platform is at hinge 3. With lengths in units of the rods, two chains of two
-    rods lead to a point p = (x, y, z). From the base, rods 1 and 2 turn about y and then about z:
+    rods lead to a point p = (x, y, z). From the base, rods 1 and 2 lead to hinge 3. They turn by a
+    about y and then by b about z:
 
         p = Rot_y(a) [(1, 0, 0) + Rot_z(b) (0, -1, 0)]
           = ((1 + sin b) cos a, -cos b, -(1 + sin b) sin a),
 
-    so that 1 + sin b = sqrt(x^2 + z^2). From the platform, rods 4 and 5 lead in the same way from
-    hinge 4, at (0, 0, 1), to the last pin, which is at (0, 0, 1) in the base:
+    so that a = atan2(-z, x) and 1 + sin b = sqrt(x^2 + z^2). From the platform, rods 4 and 5 lead
+    in the same way from hinge 4, at (0, 0, 1), to the last pin, which is at (0, 0, 1) in the base:
 
         p = Rot_y(a) [(-1, 0, 0) + Rot_z(b) (0, 1, 0)]
           = (-(1 + sin b) cos a, cos b, (1 + sin b) sin a).
@@ -93,8 +94,9 @@ def _bricard_joints(length: float, pose: pin.SE3) -> Joints:
     }
 
 
-#: For the slider-crank: the centre of the crank's circle, [m].
+# The slider-crank: the centre of the crank's circle, shape (3,), and the length of the rod, [m].
 _CRANK = np.array([0.0, 0.1, 0.12])
+_ROD = 0.3
 
 
 def slider_crank() -> GalleryRobot:
@@ -107,7 +109,7 @@ def slider_crank() -> GalleryRobot:
     """
     tree = Tree("slider_crank")
     tip = np.array([0.0, 0.0, 0.08])
-    end = np.array([-0.3, 0.0, 0.0])
+    end = np.array([-_ROD, 0.0, 0.0])
     crank = body(0.12, tip / 2, (1e-4, 1e-4, 1e-5), [np.zeros(3), tip], 0.006)
     bar = body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
     tree.add_joint("crank", _RX(), crank, at=shift(_CRANK))
@@ -116,10 +118,13 @@ def slider_crank() -> GalleryRobot:
     tree.add_joint("rod", pin.JointModelUniversal(x, y), bar, "slider")
     tree.add_frame("tip", "crank", tip)
     tree.make_platform("rod", end)
-    about_x, about_y = _rod_turns(_CRANK + tip, 0.2)
-    home = rotation_x_then_y(about_x, about_y)
-    ball = [Closure("tip", "platform", "3d")]
-    return GalleryRobot(tree, ball, ["crank"], _slider_crank_joints, pin.SE3(home, _CRANK + tip))
+    # At home the ball is above the centre of the crank. The rod has its length with the slider at
+    # x = 0.2: 0.3^2 = 0.2^2 + 0.1^2 + 0.2^2.
+    ball = _CRANK + tip
+    about_x, about_y = _rod_turns(ball, 0.2)
+    home = pin.SE3(rotation_x_then_y(about_x, about_y), ball)
+    closures = [Closure("tip", "platform", "3d")]
+    return GalleryRobot(tree, closures, ["crank"], _slider_crank_joints, home)
 
 
 def _rod_turns(ball: Array, slider: float) -> tuple[float, float]:
@@ -135,6 +140,6 @@ def _rod_turns(ball: Array, slider: float) -> tuple[float, float]:
 def _slider_crank_joints(pose: pin.SE3) -> Joints:
     """Inverse kinematics: the rod's pose gives the slider at one end, the ball at the other."""
     ball = pose.translation
-    slider = float(pose.act(np.array([0.3, 0, 0]))[0])
+    slider = float(pose.act(np.array([_ROD, 0, 0]))[0])
     _, y, z = ball - _CRANK
     return {"crank": np.arctan2(-y, z), "slider": slider, "rod": _rod_turns(ball, slider)}
