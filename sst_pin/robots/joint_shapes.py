@@ -38,6 +38,8 @@ def joint_shapes(
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground.
 
+    Sizes are multiples of the radius of the links at the joint.
+
     Args:
         model: The tree, with the configuration `home`.
         links: The shapes of its links, which give the sizes of the joints.
@@ -80,20 +82,22 @@ def _twists(model: pin.Model, number: int) -> Array:
     return np.reshape(data.S, (6, joint.nv))
 
 
-def _turns_in_place(model: pin.Model, number: int) -> bool:
-    """Whether a joint is a hinge, a universal joint or a ball."""
+def _only_turns(model: pin.Model, number: int) -> bool:
+    """Whether a joint is a hinge, a universal joint or a ball: all its rates turn its body."""
     angular = _twists(model, number)[3:]
-    is_free_flyer = angular.shape[1] == 6
-    return bool((np.linalg.norm(angular, axis=0) > 0).all()) and not is_free_flyer
+    return bool((np.linalg.norm(angular, axis=0) > 0).all())
 
 
 def _joint_part(model: pin.Model, links: pin.GeometryModel, number: int, r: float) -> _Part | None:
-    """The shape of a joint, with sizes in multiples of the radius r of its links, or None."""
+    """The shape of a joint, with sizes in multiples of the radius r of its links; else None.
+
+    Free-flyers and planar joints have no shape.
+    """
     joint = model.joints[number]
     parent = model.parents[number]
     placement = model.jointPlacements[number]
     twists = _twists(model, number)
-    if _turns_in_place(model, number):
+    if _only_turns(model, number):
         if joint.nv == 1:  # a pin, where the links are
             at = _pin_centre(model, links, number) * _along(twists[3:, 0])
             return _Part(number, at, coal.Cylinder(1.3 * r, 5 * r))
@@ -109,8 +113,8 @@ def _joint_part(model: pin.Model, links: pin.GeometryModel, number: int, r: floa
 
 
 def _foot(model: pin.Model, links: pin.GeometryModel, number: int, r: float) -> _Part | None:
-    """A foot on the ground below a joint of the base that turns in place; else None."""
-    if model.parents[number] != 0 or not _turns_in_place(model, number):
+    """A foot on the ground at a joint of the base that only turns; else None."""
+    if model.parents[number] != 0 or not _only_turns(model, number):
         return None
     joint = model.joints[number]
     data = joint.createData()
@@ -151,7 +155,8 @@ def _pin_centre(model: pin.Model, links: pin.GeometryModel, number: int) -> pin.
         return HERE
     along_axis = np.array(ends) @ axis
     distances = np.linalg.norm(np.array(ends) - along_axis[:, None] * axis, axis=1)
-    # Of ends at the same distance up to rounding, the first one.
+    # Rounded, so that rounding errors do not decide between ends at the same distance: the first
+    # one is taken.
     nearest = np.argmin(distances.round(9))
     return shift(along_axis[nearest] * axis)
 
