@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The effect of tolerances on poses, torques and the distance from singularities."""
+"""The effect of tolerances on poses, torques and the distance from singularities.
+
+`tolerances` computes the effect along a motion, `clearance` the distance from singularities.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +20,7 @@ from ..summaries import Summary
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Tolerances(Summary):
-    """Standard deviations along a motion, and what each tolerance contributes.
+    """Standard deviations along a motion, and the share of each tolerance in them.
 
     Attributes:
         names: The parameters with a tolerance.
@@ -128,7 +131,8 @@ def _clearance_derivatives(chain: ClosedChain, q: Array, L_derivatives: Array) -
 def clearance(chain: ClosedChain, q: ArrayLike) -> Array:
     """How far configurations are from a singularity of the dependent joints, shape (...).
 
-    It is 1 over the largest singular value of L, free of units: 0 at a singularity, at most 1.
+    It is 1 over the largest singular value of L, free of units: 0 at a singularity, where rates of
+    dependent joints grow without bound, and at most 1, since L contains an identity.
     """
     require_robot("chain", chain)
     L, _ = _free_of_units(chain, finite_array("q", q, (chain.mechanism.model.nq,)))
