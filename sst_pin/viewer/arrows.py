@@ -75,22 +75,22 @@ def torque_arrows(
     driven_origins = origins[B.any(axis=1)]
     for rate, motor in np.argwhere(B):
         axis = axes[rate]
-        axes_along = along(axis.direction)
+        R = along(axis.direction)
         distances = np.linalg.norm(driven_origins - origins[rate], axis=1)
         # One of the distances is zero: that of this rate from itself.
         meets_others = np.count_nonzero(distances < _MEETING * scale) > 1
         if axis.turns:
             mesh = torque
-            mirror = (1.0, -1.0, 1.0)
+            mirror = (1.0, -1.0, 1.0)  # the arc then turns the other way about z
             origin = axis.origin
             if meets_others:
                 origin = origin - _FROM_CENTRE * scale * axis.direction
         else:
             mesh = force
-            mirror = (1.0, 1.0, -1.0)
-            origin = axis.origin + _BESIDE_SLIDE * scale * axes_along[:, 0]
+            mirror = (1.0, 1.0, -1.0)  # the arrow then points along -z
+            origin = axis.origin + _BESIDE_SLIDE * scale * R[:, 0]
         name = f"{motor + 1}_{model.names[axis.joint]}"
-        at = homogeneous(scale * axes_along, origin)
+        at = homogeneous(scale * R, origin)
         shape = Shape(str(axis.mover), "torques", name, mesh, HUES[motor % len(HUES)], at=at)
         share = float(B[rate, motor] / np.abs(B[:, motor]).max())
         yield TorqueArrow(shape, motor=int(motor), share=share, mirror=mirror)
@@ -99,9 +99,9 @@ def torque_arrows(
 def reaction_arrows(robot: ClosedChain, layout: EffortLayout, scale: float) -> Iterator[ForceArrow]:
     """Arrows of the reaction forces: in joints and then in closures, as in `ClosedChain.reactions`.
 
-    In a joint it is the force of the parent on the child, in a closure that of frame A on frame B.
-    The forces of couplings and brakes act at no single point, so they have no arrow. `scale` is the
-    scale of the largest arrow, [m].
+    In a joint it is the force of the parent on the child, in the axes of the joint. In a closure it
+    is the force of frame A on frame B, in the axes of B. The forces of couplings and brakes act at
+    no single point, so they have no arrow. `scale` is the scale of the largest arrow, [m].
     """
     model = robot.mechanism.model
     mesh = _straight_arrow(_FORCE_RADIUS)
@@ -137,7 +137,7 @@ def contact_places(robot: ClosedChain) -> list[ContactPlace]:
 
 
 def contact_spheres(places: Sequence[ContactPlace]) -> Iterator[Shape]:
-    """The spheres of contacts that are no points."""
+    """The spheres of contacts that have a radius."""
     for place in places:
         if place.radius > 0:
             mover = str(place.frame.parentJoint)

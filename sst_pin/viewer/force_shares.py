@@ -29,7 +29,7 @@ class ShownForces(NamedTuple):
 
     #: Forces as vectors, divided by the largest, shape (n, forces, 3); None for no arrows.
     shares: Array | None
-    curves: list[dict[str, Any]]
+    curves: list[dict[str, Any]]  #: Sets of curves, see `curve_sets`.
     note: str  #: A text below the curves.
 
 
@@ -86,9 +86,10 @@ def reaction_forces(
     tau: Array | None,
     stiffness: Mapping[str, ArrayLike] | None,
 ) -> ShownForces:
-    """Unique forces in joints and closures as shares of the largest; see `ClosedChain.reactions`.
+    """Unique forces in joints and closures as shares of the largest.
 
-    Where the reactions are not defined, there are no arrows, and the note says why.
+    The arguments are those of `ClosedChain.reactions` for n samples. If the reactions are not
+    defined, there are no arrows, and the note says why.
     """
     engine = robot.engine
     try:
@@ -135,7 +136,8 @@ def _directions(is_unknown: Flags, count: int) -> str:
 
     Args:
         is_unknown: Components x, y, z that are not unique, shape (3,).
-        count: Number of directions: fewer than the components if the axes are oblique to them.
+        count: Number of these directions. It is less than the number of such components if the
+            directions are oblique to the axes.
     """
     if count == 3:
         return ""

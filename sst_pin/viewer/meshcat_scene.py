@@ -68,7 +68,7 @@ class MeshcatScene:
             self._root[node].set_property("visible", False)
         for shape in (*scene.shapes, *(arrow.shape for arrow in scene.arrows)):
             self._add(shape)
-        self._animated = False
+        self._animated = False  # whether the page plays a motion
 
     def place(self, q: Array, effort: Array) -> None:
         """Show a configuration with an effort (see `scene_parts`)."""
@@ -109,6 +109,7 @@ class MeshcatScene:
         """Add a translucent robot, and keyframes for its configurations at some times, [s]."""
         movers = list[str]()
         for shape in self._scene.moving:
+            # A node for the ghost, a node for its layer, and below these the movers of the robot.
             mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
             self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
             if shape.mover not in movers:

@@ -27,7 +27,8 @@ _JOINT_RADIUS = 0.055
 _END_RADIUS = 0.04
 #: Points of a body that are closer than this are one point, [m].
 _SAME_POINT = 1e-9
-#: The least square of a semi-axis of an ellipsoid, relative to the largest, so that it has volume.
+#: Smallest square of a semi-axis of an ellipsoid, relative to the largest one; with zero the
+#: ellipsoid would have no volume.
 _THINNEST = 1e-4
 #: Types of frames of fixed links and of points, such as a foot or a tool.
 _POINTS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -51,7 +52,10 @@ def skeleton(
 
 
 def _lines(robot: ClosedChain, size: float) -> Iterator[Shape]:
-    """Lines from the joint of each body to its other points; from their middle for the base."""
+    """Lines from the joint of each body to its other points.
+
+    The base has no joint: its lines start at the mean of its points.
+    """
     for joint, points in enumerate(joined_points(robot)):
         hub = np.zeros(3)
         if joint == 0 and points:

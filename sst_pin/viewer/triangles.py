@@ -30,7 +30,7 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
     # A normal at each point. The normals must not turn about the line, or the tube would be twisted
     # (a rotation-minimising frame). So each normal is the one before it, without the part along the
-    # tangent. The first one is normal to the tangent and to the axis with the least of its entries.
+    # tangent. The first one is normal to the tangent and to the coordinate axis farthest from it.
     tangents = _tangents(points)
     normals = np.empty_like(points)
     normal = np.cross(tangents[0], np.eye(3)[np.abs(tangents[0]).argmin()])
