@@ -23,6 +23,7 @@ from .parts import mesh_writers
 from .sst_mjcf import mjcf_of, scene_of
 from .urdf_writer import urdf_of, yaml_of
 
+# The folder is in the installed package; in the repository it is beside the package.
 _INSTALLED = Path(str(files("sst_pin"))) / "urdf"
 _SHIPPED = _INSTALLED if _INSTALLED.is_dir() else _INSTALLED.parents[1] / "urdf"
 
@@ -31,13 +32,13 @@ _SHIPPED = _INSTALLED if _INSTALLED.is_dir() else _INSTALLED.parents[1] / "urdf"
 PACKAGE_PATH = str(_SHIPPED)
 #: The parent of this folder.
 REPOSITORY_PATH = str(_SHIPPED.parent)
-#: The paper's robot: the tree.
+#: The tree of the paper's robot.
 URDF_PATH = str(_SHIPPED / "sst.urdf")
-#: Its closures, motors and gravity.
+#: Closures, motors and gravity of the paper's robot.
 YAML_PATH = str(_SHIPPED / "sst.yaml")
-#: Its poses, and the pairs of links that are not checked for collision.
+#: Poses of the paper's robot, and the pairs of links that are not checked for collision.
 SRDF_PATH = str(_SHIPPED / "sst.srdf")
-#: The robot with closed loops, for MuJoCo.
+#: The paper's robot with closed loops, for MuJoCo.
 MJCF_PATH = str(_SHIPPED / "sst.xml")
 
 #: Files that no parameter changes.
@@ -45,6 +46,7 @@ _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 #: Template of the README. It has a table with a row for each parameter: "$name | grade | source".
 #: The value replaces $name; grade and source are those of the paper's value.
 _README = Path(__file__).with_name("readme.md")
+#: The template's text after this line is for the paper's robot only.
 _ONLY_PAPER = "<!-- only the paper's robot -->\n"
 
 

@@ -110,6 +110,7 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
         e = p.actuated_axes[k]
         yield rod(center, p.base_radius * v, tube)
         yield Ball(p.base_radius * v, 1.5 * tube)
+        # The side from P_k to P_k+1, about e_k.
         axes = np.stack([v, np.cross(e, v), e], axis=-1)
         side = float(np.arctan2(np.linalg.norm(np.cross(v, v_next)), v @ v_next))
         yield Arc(axes, p.base_radius, side, (2 * tube, 2 * tube), round=True)
@@ -119,6 +120,7 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
     away = -p.base_directions.sum(axis=0)
     elbow = 1.17 * max(p.base_radius, p.star_radius) * away / np.linalg.norm(away)
     down = _outside(p) * p.actuated_axes[0]
+    # The foot is 1.3 radii below O.
     foot = elbow + (1.3 * max(p.base_radius, p.star_radius) - elbow @ down) * down
     post = 0.018 * scale
     plate = 0.012 * scale
@@ -143,7 +145,11 @@ def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
 
 
 def _link(p: Parameters, scale: float) -> Iterator[Solid]:
-    """An actuator link, from the motor's shaft around the base frame to the axis of mu_k."""
+    """An actuator link, from the motor's shaft around the base frame to the axis of mu_k.
+
+    The hub on the shaft has a cap. An arm goes from the hub to an elbow beside the head, and a
+    short arm from there to the head.
+    """
     x, y, z = np.eye(3)
     z = _outside(p) * z
     hub = _HUB * scale
