@@ -108,11 +108,13 @@ def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) 
             for k in carrier.numbers:
                 new = pin.Frame(model.names[k], k, parent_frame, pin.SE3.Identity(), kind)
                 parent_frame = model.addFrame(new, False)
-                new_index[i] = parent_frame
+                new_index[i] = parent_frame  # in the end, of the joint that moves the body
             if carrier.numbers:
                 continue
+            # The joint is fixed. Its frame is left out if a fixed frame already has this name:
+            # Pinocchio keeps only one frame of a kind with the same name.
             kind = pin.FrameType.FIXED_JOINT
-            if old.existFrame(frame.name, kind):  # two frames of one kind need different names
+            if old.existFrame(frame.name, kind):
                 continue
         place = carrier.place * frame.placement
         new = pin.Frame(frame.name, carrier.joint, parent_frame, place, kind)
