@@ -65,7 +65,8 @@ LEAST_LENGTH = 1e-9
 #: A contact, rope or stop whose rate is smaller than this part of the coordinates' rates, free of
 #: units, is held by the loops: its rate is rounding, which is at most 1e-12.
 HELD_BY_LOOPS = 1e-10
-#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
+#: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding, which
+#: is at most 1e-12 for rates of size one.
 AT_REST = 1e-12
 
 # --- coordinates of a motion ------------------------------------------------------------------
