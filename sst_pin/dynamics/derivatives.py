@@ -155,8 +155,9 @@ class Derivatives:
         L = complement.L
         v_q = -complement.inverse.dot(partials(loops, q, motion).velocity_q.dot(L))
         of_frame = motion.frames_of([frame])
-        # The origin of the frame is the last column of its placement M. So its linear velocity is
-        # the last column of M_dot; the angular velocity is the last part of the twist.
+        # The origin of the frame is the last column of its placement M. Its derivative by q is the
+        # linear Jacobian. The linear velocity is the last column of M_dot, and the angular velocity
+        # is the last part of the twist.
         J_linear = of_frame.M_q[:, 0, :3, 3].T
         linear_q = of_frame.M_dot_q[:, 0, :3, 3].T
         J = np.concatenate((J_linear, of_frame.J[0, 3:]))

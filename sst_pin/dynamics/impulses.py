@@ -185,9 +185,9 @@ class _Problem:
     def solution(self, start: Array) -> tuple[Array, float]:
         """The solution near a start, and its residual.
 
-        Two of three series begin with sweeps from the best impulses so far. Every third one
-        continues another sequence of sweeps, which Newton's steps do not change. Neither is best
-        for all problems.
+        Two of three series begin with sweeps from the best impulses so far. The others continue a
+        sequence of sweeps that Newton's steps do not change, with more sweeps each time. Neither is
+        best for all problems.
         """
         swept = start
         best = start
