@@ -156,7 +156,8 @@ def body(
     )
     arrange = statements.with_results_in_memory if in_memory else list
     is_along = kernel.along is not None
-    # Along directions it runs once for a sample; otherwise it is the only function.
+    # Along directions, this is the function that runs once for a sample. Otherwise it is the
+    # function of the kernel.
     once = _function(
         storage="SEPARATE" if is_along else "static",
         name=f"{name}_once" if is_along else name,
@@ -268,7 +269,7 @@ def bodies(
 ) -> KernelSources:
     """The C of several kernels; the arguments are those of `body`."""
     sources = list[KernelSource]()
-    p_size = None  # each kernel adds its constants to p
+    p_size = None  # each kernel adds its constants to p, so the last size is the size of p
     for kernel in kernels:
         source = body(kernel, p_size, suffix, in_memory=in_memory, recompute=recompute)
         p_size = source.p_size

@@ -231,7 +231,7 @@ class CompiledStateSpace(StateSpace):
             return np.zeros(determinants.shape, dtype=bool)
         with np.errstate(divide="ignore", invalid="ignore"):
             levels = np.floor(np.log(half / sizes) / np.log(CHANGE))
-        levels = np.where(levels >= 0, levels, -1)  # above half the usual size, or NaN
+        levels = np.where(levels >= 0, levels, -1)  # -1: above half of the usual size, or NaN
         highest_so_far = np.maximum.accumulate(levels, axis=1)
         return np.asarray(np.diff(highest_so_far, axis=1, prepend=-1) > 0)
 

@@ -27,7 +27,7 @@ close to a normal variable with mean zero and standard deviation |r|. If |r| is 
 |s . r| is below the bound with a probability of about 0.8 / k: the density of a normal variable at
 zero, 0.4 / |r|, times the width 2 |r| / k. For instance k = 100 means |r| = 100 * 30 eps |A| |x|,
 which is still below 1e-12 |A| |x|. Less than one in 100 of such samples passes. With a residual ten
-times larger, ten times fewer pass. The signs are the same in all runs, so that a sample gets the
+times larger, a tenth as many pass. The signs are the same in all runs, so that a sample gets the
 same verdict each time.
 """
 
