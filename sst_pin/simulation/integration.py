@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Integrates a motion with closed loops: the main loop of `simulate`.
 
+The state of an integrator has q and the rates of the coordinates, which are joints whose rates
+determine those of all others. Where they do not determine them well, the motion goes on in other
+coordinates. At a singular configuration of the mechanism there are no better ones.
+
 Four objects do the work: `StepControl` makes the steps, `CoordinateChange` judges them and chooses
 the coordinates, `MotionOutput` collects the results, and `SingularityCrossing` steps over singular
 configurations.

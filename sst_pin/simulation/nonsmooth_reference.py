@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Nonsmooth rollouts by the reference path, in coordinates that suit each state."""
+"""Nonsmooth rollouts by the reference path, in coordinates that suit each state.
+
+`NonsmoothStep` makes one step, with the impulses of contacts, ropes, cables, stops and dry
+friction. `NonsmoothReference.fill` makes the steps of a motion, and `require_start` checks its
+first state. The coordinates are joints whose rates determine those of all others. If the robot's
+coordinates do not determine them well at the start of a step, the step is made in other ones.
+"""
 
 from __future__ import annotations
 
