@@ -269,9 +269,10 @@ class Trajectory(Summary):
         if path.suffix.lower() != ".npz":
             return cls(**parts_of(read_table(path)))
         fields = _read_npz(path)
-        texts = {name: fields.pop(name).tolist() for name in fields.keys() - set(_ARRAYS)}
+        arrays = {name: fields[name] for name in _ARRAYS}
+        texts = {name: fields[name].tolist() for name in fields if name not in _ARRAYS}
         try:
-            return cls(**fields, **texts)
+            return cls(**arrays, **texts)
         except InputError as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
 
