@@ -226,7 +226,7 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     from scipy.spatial.transform import Rotation, RotationSpline
 
     matrices = finite_array("R", R, (3, 3))
-    samples = whole_number("count", count, 2)
+    outputs = whole_number("count", count, 2)
     if matrices.ndim != 3 or len(matrices) < 2:
         raise InputError("R", f"shape {matrices.shape}, expected (N, 3, 3) with N >= 2")
     require_rotation(matrices)
@@ -237,8 +237,9 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
             raise InputError("R", f"{np.degrees(step):.6g} degrees between samples {i} and {i + 1}")
     # The parameter of the path is the angle turned since the first sample.
     angle = np.append(0, np.cumsum(steps))
-    path = empty((samples, 3, 3))
-    path[:] = RotationSpline(angle, rotations)(np.linspace(0, angle[-1], samples)).as_matrix()
+    path = empty((outputs, 3, 3))  # refuses a number that memory does not hold
+    angles_of_outputs = np.linspace(0, angle[-1], outputs)
+    path[:] = RotationSpline(angle, rotations)(angles_of_outputs).as_matrix()
     return path
 
 
