@@ -116,10 +116,10 @@ def _fixed_directions(closure: Closure, R: Array, w: Array) -> tuple[Array, Arra
     G = np.eye(6)[fixed]
     G_dot = np.zeros((fixed.sum(), 6))
     if fixed[3:].sum() == 1:
-        # Only the rotation about axis k is fixed. While B turns about the other axes, this does not
-        # mean that the component k of w is zero: the axis a = k + 1 of A and the axis b = k + 2 of
-        # B stay at a right angle. The rate of a . b is a . (w x b) = (b x a) . w, and the row has
-        # the opposite sign, so that it is that of component k where A and B coincide.
+        # Only the rotation about axis k is fixed: the axis a = k + 1 of A and the axis b = k + 2 of
+        # B stay at a right angle, a . b = 0. (The component k of w is not zero while B turns about
+        # the other axes.) The rate of a . b is a . (w x b) = (b x a) . w. The row is the negative,
+        # (a x b) . w, because this is the component k of w where A and B coincide.
         k = int(np.flatnonzero(fixed[3:])[0])
         a = _EYE[(k + 1) % 3]
         b = R[:, (k + 2) % 3]

@@ -147,11 +147,13 @@ class _MujocoMotion:
         """See `TreeMotion.frame`."""
         J_mujoco, J_dot_mujoco = self._tree.jacobian(name)
         J = J_mujoco @ self._S
+        # J_dot v is d/dt (J_mujoco S) v.
         drift = J_dot_mujoco @ self._tree.data.qvel + J_mujoco @ self._S_dot_v
         return FrameMotion(self._tree.placement(name), J, J @ self._v, drift)
 
     def forces(self, dv: Array) -> Array:
         """See `TreeMotion.forces`."""
+        # Forces that do the same work: S^T times MuJoCo's.
         force: Array = self._S.T @ self._tree.inverse(self._S @ dv + self._S_dot_v)
         # MuJoCo's model has no armature, because its joints may have other rates.
         return force + self._armature * dv
