@@ -66,12 +66,18 @@ _CUBIC_TIMES_P = _products(_DEGREE_3, _DEGREE_1)
 _QUADRATIC_TIMES_QUADRATIC = _products(_DEGREE_2, _DEGREE_2)
 #: Two generic linear forms a . p and b . p; the same at every call, so results repeat to the bit.
 _FORM_A, _FORM_B = np.random.default_rng(1).normal(size=(2, 4))
+#: The Macaulay matrix has rank 35 - 8 = 27 if the quadrics meet in eight points. They meet in a
+#: curve if the 27th singular value, the largest first, is below this part of the largest one.
+_CURVE = 1e-10
 #: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
 #: exact to the square root of rounding only, so this threshold is large. Whether such a solution is
 #: real, Newton's method decides.
 _IMAGINARY = 1e-4
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
+#: Largest residual of a solution after Newton's method, and its most steps.
+_POLISHED = 1e-13
+_STEPS = 30
 
 
 def orientations(u: Array, m: Array) -> Array:
@@ -125,11 +131,6 @@ def _is_among(p: Array, solutions: list[Array]) -> bool:
     return False
 
 
-#: The Macaulay matrix has rank 35 - 8 = 27 if the quadrics meet in eight points. They meet in a
-#: curve if the 27th singular value, the largest first, is below this part of the largest one.
-_CURVE = 1e-10
-
-
 def _intersections(A: Array) -> NDArray[np.complex128]:
     """The eight common points of three quadrics, unit vectors as rows, complex in general.
 
@@ -167,11 +168,6 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
     best = np.abs(at_solutions).sum(axis=1).argmax(axis=0)  # a cubic monomial for each solution
     p = at_solutions[best, :, np.arange(_N_SOLUTIONS)]  # (solution, component of p)
     return np.asarray(p / np.linalg.norm(p, axis=1)[:, None])
-
-
-#: Largest residual of a solution after Newton's method, and its most steps.
-_POLISHED = 1e-13
-_STEPS = 30
 
 
 def _polish(A: Array, p: Array) -> Array | None:
