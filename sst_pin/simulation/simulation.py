@@ -28,30 +28,6 @@ _HINT = f"simulate is on the slow reference path; {FASTER}"
 _BAR = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion"
 
 
-def _start(
-    engine: Engine, space: StateSpace, q0: ArrayLike, va0: ArrayLike, max_condition_number: float
-) -> Array:
-    """The first state (q, va), shape (nq + n,); errors name the arguments."""
-    mechanism = engine.mechanism
-    n = len(mechanism.coordinates)
-    q = single_array("q0", q0, (mechanism.model.nq,))
-    va = single_array("va0", va0, (n,))
-    at_rest = not va.any()
-    try:
-        engine.joint_rates(q, np.zeros(n))  # refuses open loops, and singular coordinates
-        condition = space.condition_number(q)
-    except SingularConfigurationError:
-        if not at_rest:  # the rates of these coordinates do not determine the motion
-            raise
-        condition = np.inf
-    if at_rest and not condition < max_condition_number:
-        # The rates of other coordinates are zero too, so the motion can start in them.
-        _, condition = space.in_good_coordinates(q)
-    if not condition < max_condition_number:
-        raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
-    return np.concatenate([q, va])
-
-
 def simulate(
     engine: Engine,
     torque: Torque,
@@ -105,3 +81,27 @@ def simulate(
         integration.stopped,
         integration.crossings,
     )
+
+
+def _start(
+    engine: Engine, space: StateSpace, q0: ArrayLike, va0: ArrayLike, max_condition_number: float
+) -> Array:
+    """The first state (q, va), shape (nq + n,); errors name the arguments."""
+    mechanism = engine.mechanism
+    n = len(mechanism.coordinates)
+    q = single_array("q0", q0, (mechanism.model.nq,))
+    va = single_array("va0", va0, (n,))
+    at_rest = not va.any()
+    try:
+        engine.joint_rates(q, np.zeros(n))  # refuses open loops, and singular coordinates
+        condition = space.condition_number(q)
+    except SingularConfigurationError:
+        if not at_rest:  # the rates of these coordinates do not determine the motion
+            raise
+        condition = np.inf
+    if at_rest and not condition < max_condition_number:
+        # The rates of other coordinates are zero too, so the motion can start in them.
+        _, condition = space.in_good_coordinates(q)
+    if not condition < max_condition_number:
+        raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
+    return np.concatenate([q, va])
