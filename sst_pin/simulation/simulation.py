@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Direct dynamics in time: Eqs. (7) and (92) as a state space in q and va (Sect. 6.2)."""
+"""Direct dynamics in time: Eqs. (7) and (92) as a state space in q and va (Sect. 6.2).
+
+`simulate` checks the arguments of `ClosedChain.simulate`; `Integration` integrates the motion.
+"""
 
 from __future__ import annotations
 

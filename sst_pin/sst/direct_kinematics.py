@@ -19,10 +19,9 @@ Polynomial Algebra, SIAM 2004):
    Take two linear forms a . p and b . p with generic a, b. The 20 monomials of degree three times
    a . p are sums of entries of z = N c. So they are S_a c, with a matrix S_a of shape (20, 8). The
    same monomials times b . p are S_b c. At a solution both products differ only by the ratio
-   r = (a . p) / (b . p): S_a c = r S_b c. So each c is an eigenvector of the 8 x 8 matrix
-   pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique. Degree four is the
-   smallest for which S_b has rank eight, as c must be determined by S_b c; in degree three it has
-   rank seven.
+   r = (a . p) / (b . p): S_a c = r S_b c. S_b has rank eight, so each c is an eigenvector of the
+   8 x 8 matrix pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique.
+   (Degree three is not enough: its null space has dimension eight too, but S_b rank seven.)
 3. From an eigenvector follows z = N c. The products of one monomial of degree three with x, y, z, w
    are entries of z and proportional to p. Newton's method removes the rounding of the eigenvectors.
 """
@@ -75,8 +74,9 @@ _CURVE = 1e-10
 _IMAGINARY = 1e-4
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
-#: Largest residual of a solution after Newton's method, and its most steps.
+#: Largest residual of a solution after Newton's method.
 _POLISHED = 1e-13
+#: The most steps of Newton's method.
 _STEPS = 30
 
 
