@@ -9,8 +9,9 @@ dynamics of the tree, RNEA:
 
 f are the forces that the motion needs along the coordinates, whoever supplies them. tau^f are the
 forces of friction and tau^s those of springs, in joints and along lines. w are external wrenches.
-`direct_dynamics` solves the equation for aa. All functions use a `Context`, which has L and
-Pinocchio's data at the current configuration.
+`direct_dynamics` solves the equation for aa. `force_sizes` says how large the forces are that may
+cancel in f. All functions use a `Context`, which has L and Pinocchio's data at the current
+configuration.
 
 The paper's decoupled form [5, 6] is K = N_l N_d: N_d gives the twist of each body relative to its
 parent, and N_l adds the twists of all bodies before it; see `noc.decoupled`. `pin.rnea` is this
@@ -432,18 +433,15 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, weights = of_bodies
     N_l, N_d = decoupled(context.loops)
-    lines = mechanism.lines
     lengths, J = context.lines.evaluate(q)
-    taut = lines.taut(lengths, J @ v)  # 0 for slack cables, else 1
-    # Tensions of the lines: of springs and preload, and of dampers and dry friction.
-    tensions_of_springs = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
-    dry_friction = lines.coulomb * sign_of(J @ v, mechanism.friction.sign_width)
-    tensions_of_friction = taut * lines.damping * (J @ v) + dry_friction
+    tensions = _tensions_by_kind(mechanism, lengths, J @ v)
     # Two inertias are not in the paper: of rotors geared to joints (model.armature), and of masses
     # that move with the lengths of lines. These are L^T times their forces per acceleration.
     rotors = L.T * model.armature
-    on_lines = L.T @ (J.T * lines.masses)
-    J_dot = context.lines.loops.Phi_dot(v) if lines.masses.any() else np.zeros_like(J)
+    on_lines = L.T @ (J.T * mechanism.lines.masses)
+    J_dot = np.zeros_like(J)
+    if mechanism.lines.masses.any():
+        J_dot = context.lines.loops.Phi_dot(v)
     Phi_without_units = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(Phi_without_units)],
@@ -465,6 +463,22 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
             + on_lines @ (J @ L_dot + J_dot @ L)
         ),  # Eq. (94)
         gravity=T.T @ weights,  # Eq. (95)
-        friction=L.T @ (mechanism.friction.forces(v) - tensions_of_friction @ J),  # Eq. (96)
-        springs=L.T @ (mechanism.springs.forces(model, q) - tensions_of_springs @ J),
+        friction=L.T @ (mechanism.friction.forces(v) - tensions.friction @ J),  # Eq. (96)
+        springs=L.T @ (mechanism.springs.forces(model, q) - tensions.springs @ J),
     )
+
+
+class _Tensions(NamedTuple):
+    """Tensions of all lines by their causes, without motors, shapes (lines,), [N]."""
+
+    springs: Array  #: Of springs and preload.
+    friction: Array  #: Of dampers and dry friction.
+
+
+def _tensions_by_kind(mechanism: Mechanism, lengths: Array, rates: Array) -> _Tensions:
+    """Tensions of springs and of friction in lines with these lengths and their rates."""
+    lines = mechanism.lines
+    taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
+    springs = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
+    dry_friction = lines.coulomb * sign_of(rates, mechanism.friction.sign_width)
+    return _Tensions(springs, friction=taut * lines.damping * rates + dry_friction)
