@@ -13,7 +13,8 @@ its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). The rows of Phi
 units first, so that the verdict does not depend on the choice of units.
 
 `reactions` computes all numbers of one sample, in one row as kernels do. `unpacked` makes
-`Reactions` of the rows of all samples.
+`Reactions` of the rows of all samples. `unique_forces` computes the part of each force that is
+unique, in whatever axes the force is written.
 """
 
 from collections.abc import Mapping
