@@ -59,7 +59,7 @@ def scissor_lift(
     tip = shift((arm, 0))
 
     def add_zigzag(names: list[str], parent: str, at: pin.SE3) -> None:
-        """Add arms end to end, the first one at a placement on a parent."""
+        """Add arms end to end, the first one at a placement on a parent; then what is on top."""
         for name in names:
             tree.add_hinge(name, bar(arm_mass, arm, radius), parent, at)
             tree.add_frame(f"middle_of_{name}", name, (arm / 2, 0))
@@ -67,14 +67,15 @@ def scissor_lift(
             at = tip
         # One zigzag ends with the last arm b, at the upper left, and carries the platform. The
         # other one ends with the last arm a, below the platform's slider at the upper right.
-        if parent.startswith("b"):
+        last_arm = names[-1]
+        if last_arm == f"b_{cells}":
             plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
-            tree.add_hinge("platform_hinge", plate, parent, tip)
+            tree.add_hinge("platform_hinge", plate, last_arm, tip)
             tree.make_platform("platform_hinge")
             tree.add_joint("platform_slider", pin.JointModelPX(), foot, "platform_hinge")
             tree.add_frame("corner", "platform_slider", (0, 0))
         else:
-            tree.add_frame("tip", parent, tip)
+            tree.add_frame("tip", last_arm, tip)
 
     add_zigzag(on_hinge, "universe", UPRIGHT)
     tree.add_joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
