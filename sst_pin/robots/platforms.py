@@ -199,7 +199,8 @@ def _pairs(spread: float) -> Array:
     `spread` is half the angle between the two neighbours of a pair.
     """
     middles = 2 * np.pi / 3 * np.arange(3)
-    return (middles[:, None] + spread * np.array([-1, 1])).ravel()
+    angles = [(middle - spread, middle + spread) for middle in middles]
+    return np.ravel(angles)
 
 
 def _add_struts(
