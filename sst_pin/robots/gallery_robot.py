@@ -74,6 +74,7 @@ class GalleryRobot(ClosedChain):
         self._closed_form = joints
         self._is_point = point
         problem = f"{tree.model.name}: with these dimensions the loops do not close at home"
+        # The model must have its home before the closed chain is made of it.
         q = self._configuration(home)
         if not np.isfinite(q).all():
             raise WorkspaceError(problem)
