@@ -267,7 +267,7 @@ class Integration:
         Args:
             state: The state at the start of the step.
             step: The step.
-            part: The part of the step along which the joints move continuously.
+            part: The regular part of the step, whether or not output times are within it.
             target: The target of the step.
             regular_fraction: The fraction of the step that is taken for regular. It is less than
                 `part.fraction` if the loops cannot be closed at an output time within the step.

@@ -43,6 +43,7 @@ class MujocoTree:
             raise MissingExtraError("mujoco", "verify") from None
         self._mujoco = mujoco
         if closed is None:
+            # Without friction, rotors, springs and limits of joints.
             document = MjcfDocument(mechanism, with_numbers=False)
         else:
             document = closed_mjcf(mechanism)
@@ -58,7 +59,7 @@ class MujocoTree:
             self.mj.eq_solref[:] = -stiffness, -damping
         self.data = mujoco.MjData(self.mj)
         self._joints = document.joints
-        #: Index in MuJoCo of the body of each joint of the robot; 0 is the world.
+        #: Index in MuJoCo of the body of each joint of the robot; 0 is the world, without a name.
         self._bodies = list[int]()
         for element in document.bodies:
             name = element.get("name")
