@@ -114,12 +114,20 @@ class Branch:
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
-class _ConstraintJacobian:
-    """Phi along a branch, and its singular values that are not zero everywhere.
+def singular_values(space: StateSpace, q: Array) -> Array:
+    """The r singular values of Phi that are not zero at every configuration, the largest first.
 
     Phi has nv columns, and the mechanism has n degrees of freedom. So r = nv - n singular values of
     Phi are positive where the mechanism is regular. If rows are redundant, Phi has more singular
     values, which are zero at every configuration.
+    """
+    Phi = space.Phi(q)
+    r = Phi.shape[1] - len(space.coordinates)
+    return np.asarray(np.linalg.svd(Phi, compute_uv=False)[:r])
+
+
+class _ConstraintJacobian:
+    """Phi along a branch, and the r singular values of `singular_values`.
 
     Attributes:
         rank: r, the rank of Phi at the start.
@@ -140,8 +148,8 @@ class _ConstraintJacobian:
         return self._space.Phi(self._branch.q(t))
 
     def singular_values(self, t: float) -> Array:
-        """The r largest singular values at a time, the largest first."""
-        return np.asarray(np.linalg.svd(self.at(t), compute_uv=False)[: self.rank])
+        """The r singular values at a time, the largest first."""
+        return singular_values(self._space, self._branch.q(t))
 
     def _reduced(self, t: float) -> Array:
         """The reduced matrix U^T Phi V, with Phi at a time, shape (r, r).

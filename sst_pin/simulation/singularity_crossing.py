@@ -22,8 +22,15 @@ import numpy as np
 from ..arrays import Array
 from ..errors import SSTError
 from ..model.mechanism import Mechanism
-from ..states import StateSpace
-from .crossings import Branch, BranchError, Crossing, crossing_of, gauss_step, mismatch
+from .crossings import (
+    Branch,
+    BranchError,
+    Crossing,
+    crossing_of,
+    gauss_step,
+    mismatch,
+    singular_values,
+)
 from .settings import Settings
 from .state_equations import MotionState, StateEquations
 
@@ -141,15 +148,15 @@ class SingularityCrossing:
     def _approach_of(self, state: MotionState, t: float, q: Array) -> Approach | None:
         """The singular configuration ahead of q at time t; None if no step can lead over it.
 
-        The smallest singular value of Phi falls from a at `state` to b at q. A line through both
-        is zero at the time (t - state.t) b / (a - b) after t.
+        The smallest singular value of Phi, redundant rows left out, falls from a at `state` to b at
+        q. A line through both is zero at the time (t - state.t) b / (a - b) after t.
         """
         space = state.space
         good_space, _ = space.in_good_coordinates(q)
         if good_space is not space:
             return None  # only the dependent columns of Phi are singular
-        a = _smallest_singular_value(space, state.q)
-        b = _smallest_singular_value(space, q)
+        a = float(singular_values(space, state.q)[-1])
+        b = float(singular_values(space, q)[-1])
         if not b < a:
             return None  # the motion does not come nearer to a singular configuration
         if t <= self._noticed:
@@ -257,14 +264,3 @@ class SingularityCrossing:
         q, v, v_dot = (np.array(arrays) for arrays in zip(*motions, strict=True))
         times = np.array([state.t for state in states])
         return Branch(self._mechanism, times, q, v, v_dot, unit)
-
-
-def _smallest_singular_value(space: StateSpace, q: Array) -> float:
-    """The smallest singular value of Phi that is not zero at every configuration.
-
-    Phi has nv columns, and its rank is nv - n where the mechanism is regular. So this is singular
-    value number nv - n, the largest first. Further ones are those of redundant rows.
-    """
-    Phi = space.Phi(q)
-    rank = Phi.shape[1] - len(space.coordinates)
-    return float(np.linalg.svd(Phi, compute_uv=False)[rank - 1])
