@@ -163,7 +163,7 @@ def body(
         name=f"{name}_once" if is_along else name,
         arguments="const real *x, parameters p, real *restrict y",
         lines=writer.lines[OF_SAMPLE],
-        entries=writer.y_size,
+        y_entries=writer.y_size,
         arrange=arrange,
         recompute=recompute,
     )
@@ -176,7 +176,7 @@ def body(
             name=f"{name}_pass_{k}",
             arguments=_OF_PASSES,
             lines=writer.lines[k],
-            entries=one.results.numel() + one.checks.numel(),
+            y_entries=one.results.numel() + one.checks.numel(),
             arrange=arrange,
             recompute=recompute,
         )
@@ -204,21 +204,21 @@ def _function(
     name: str,
     arguments: str,
     lines: Sequence[str],
-    entries: int,
+    y_entries: int,
     arrange: Callable[[Sequence[str]], list[str]],
     recompute: bool,
 ) -> _Function:
     """A function of some statements.
 
     A long function is divided into parts, each a function of its own. A part hands intermediate
-    results on to later parts in an array w. It is the end of y, after its first `entries` entries.
+    results on to later parts in an array w: the end of y, after its first `y_entries` entries.
 
     Args:
         storage: "static", or SEPARATE (c/real.h) for a function that can be compiled by itself.
         name: Its name.
         arguments: Its arguments in C.
         lines: Its statements.
-        entries: Number of entries of y that the statements write.
+        y_entries: Number of entries of y that the statements write.
         arrange: Returns the statements of one function in another form: it decides where the
             compiler keeps intermediate results.
         recompute: As in `body`.
@@ -232,7 +232,7 @@ def _function(
         if recompute:
             lines = with_addresses_again(with_cheap_results_again(lines))
         body_lines = arrange(statements.with_sines_together(lines))
-        return _Function(statements.function(head, [unused, *body_lines]), entries)
+        return _Function(statements.function(head, [unused, *body_lines]), y_entries)
     parts, handed_on = statements.in_parts(statements.pieces(lines))
     texts: list[str] = []
     calls: list[str] = []
@@ -240,9 +240,9 @@ def _function(
         head_of_part = f"PART {name}_{k}({arguments}, real *restrict w)"
         lines_of_part = [f"{unused} (void)w;", *arrange(part_lines)]
         texts.append(statements.function(head_of_part, lines_of_part))
-        calls.append(f"{name}_{k}({', '.join(names)}, y + {entries});")
+        calls.append(f"{name}_{k}({', '.join(names)}, y + {y_entries});")
     texts.append(statements.function(head, calls))
-    return _Function("\n".join(texts), entries + handed_on)
+    return _Function("\n".join(texts), y_entries + handed_on)
 
 
 class KernelSources(NamedTuple):
@@ -315,18 +315,18 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
         "y_size": sources.y_size,
     }
     if closing:
-        entries = _entries_of_rollouts(closing[0], sizes, blanks)
+        entry_functions = _entries_of_rollouts(closing[0], sizes, blanks)
     elif kernel.along is not None:
         of_passes = _blanks_of_passes(kernel.name, kernel.along)
         of_passes["y_size_of_passes"] = sources.y_size_of_passes
         blanks |= blanks_of_directions(kernel.along)
-        entries = _entry("along.c", "run", sizes, blanks | of_passes)
+        entry_functions = _entry("along.c", "run", sizes, blanks | of_passes)
     else:
-        entries = _entry("run.c", "run", sizes, blanks | {"close": "NULL"})
+        entry_functions = _entry("run.c", "run", sizes, blanks | {"close": "NULL"})
     head = part("real.h")
     driver = [head, part("distances.h"), part("driver.h")]
     prepare = filled("entries/prepare.c", blanks)
-    first_source = "\n".join([*driver, *sources.texts, prepare, *entries])
+    first_source = "\n".join([*driver, *sources.texts, prepare, *entry_functions])
     if not sources.functions:
         return [first_source]
     once, *passes = sources.functions
