@@ -275,7 +275,7 @@ def _wrenches_in_motion(
     loads = _loads(context, wrenches)
     if not mechanism.lines.none:
         loads += _loads_of_lines(context, q, v, v_dot, tau)
-    without_closures, ground = _without_closures(context, v, v_dot, loads)
+    without_closures, ground = _wrenches_without_closures(context, v, v_dot, loads)
     columns = _wrenches_of_multipliers(context, np.column_stack([multipliers, null_space]))
     values = columns[..., 0]
     values[: len(without_closures)] += without_closures  # joints are first
@@ -322,14 +322,14 @@ def _loads_of_lines(context: Context, q: Array, v: Array, v_dot: Array, tau: Arr
     return context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
 
 
-def _without_closures(
+def _wrenches_without_closures(
     context: Context, v: Array, v_dot: Array, loads: Array
 ) -> tuple[Array, Array]:
     """Wrenches in the joints if there were no closures, and the wrench of the ground.
 
-    The former have the shape (r, 6), in the axes of the joints; the latter has the shape (6,), at
-    the origin of the base. Closures do not change the wrench of the ground on the whole robot: the
-    motion and the loads determine it.
+    The wrenches in joints are at the origins and in the axes of the joints, shape (r, 6). The
+    wrench of the ground is at the origin of the base, shape (6,). Closures do not change the wrench
+    of the ground on the whole robot: the motion and the loads determine it.
     """
     tree = context.tree
     data = context.data
