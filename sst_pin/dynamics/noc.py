@@ -165,10 +165,10 @@ class JointComplement:
     def _invert(self, Phi: Array) -> None:
         """Compute the inverse, and the singular values that judge the blocks of Phi^u.
 
-        All of them are free of units. Phi with a row of the identity for each coordinate, va = va,
-        is the whole system of equations for v; the block of these rows has the singular value 1.
+        The singular values are free of units. All equations for v are Phi v = 0, and v = va for the
+        coordinates. The equations of the coordinates are a block with the singular value 1.
         """
-        #: The largest singular value of all blocks.
+        #: The largest singular value of all blocks, with the block of the coordinates.
         self._largest = 1.0
         #: The smallest singular value of each block of Phi^u.
         self._smallest: list[float] = []
@@ -182,7 +182,10 @@ class JointComplement:
             self._smallest.append(smallest)
 
     def _require_rates(self, Phi: Array) -> None:
-        """Check Phi L = 0 in redundant rows too."""
+        """Check Phi L = 0 in redundant rows too, Eq. (19).
+
+        It does not hold if the closures allow fewer motions than there are coordinates.
+        """
         violations = (Phi.dot(self.L) * self._scale_of_Phi_L).ravel()
         if violations.dot(violations) <= self._least_allowed**2:
             return  # a quick test that suffices: no entry is larger than the norm
@@ -226,8 +229,8 @@ class JointComplement:
             coordinates = listed(mechanism.coordinate_rate_names)
             why = f"the closures hold the coordinates {coordinates} themselves"
 
-        scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
-        others = choose_coordinates(mechanism, np.nan_to_num(scaled))
+        Phi_without_units = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
+        others = choose_coordinates(mechanism, np.nan_to_num(Phi_without_units))
         names = listed(mechanism.space.names_of(others.tolist()))
         if not len(others):
             cure = "nothing can move here"
@@ -241,11 +244,10 @@ class JointComplement:
             cure = (
                 f"move away, or use chain.with_coordinates([...]); here {names} describe the motion"
             )
+        parts = [(block.rows, block.rates) for block in self.blocks]
         raise SingularConfigurationError(
             f"singular configuration: {why}; {cure}",
-            condition_number(
-                mechanism, scaled, [(block.rows, block.rates) for block in self.blocks]
-            ),
+            condition_number(mechanism, Phi_without_units, parts),
         )
 
     def accelerations(self, aa: Array, drift: Array) -> Array:
