@@ -298,7 +298,7 @@ class Design:
                 _put(self._neutral, self._q_indices, springs.reference),
             ),
             weight_shares=self._larger_weight_shares(tree),
-            example=None,
+            example=None,  # this array and the next one have the joints and rows of the robot
             row_sizes=None,
         )
 
@@ -342,6 +342,8 @@ class Design:
         try:
             x, context = self._evaluate_larger(q)
         except SingularConfigurationError:
+            # The robot itself is regular here, since it has torques. So the leaders are not free to
+            # move: their changes would open the loops.
             raise self._open_loops_error(q) from None
         # Columns of the larger mechanism's L: for the robot's coordinates, then for the leaders.
         L, leader_motions = np.split(context.complement.L, [n], axis=1)
