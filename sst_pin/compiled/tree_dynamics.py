@@ -42,24 +42,43 @@ class Body(NamedTuple):
     c: SX = SX(3, 1)
     #: Second moments, the integral of r r^T dm.
     J: SX = SX(3, 3)
-    #: The sum of m r^2 over the bodies that are welded together, with the distance r of the mass
-    #: centre of each body from the origin. `TreeDynamics.coriolis_forces` needs it.
-    polar: SX = SX(1, 1)
+    #: Mass and first moment of each of the bodies that are welded together.
+    parts: tuple[tuple[SX, SX], ...] = ()
+
+    @classmethod
+    def single(cls, mass: SX, c: SX, J: SX) -> "Body":
+        """A body that is welded to no other."""
+        return cls(mass, c, J, ((mass, c),))
 
     @property
     def inertia(self) -> SX:
         """Inertia about the origin."""
         return ca.trace(self.J) * SX.eye(3) - self.J
 
+    @property
+    def polar(self) -> SX:
+        """The sum of m r^2 over the parts, with the distance r of the mass centre from the origin.
+
+        `TreeDynamics.coriolis_forces` needs it. As c = m r, each term is c^2 / m.
+        """
+        polar = SX(1, 1)
+        for mass, c in self.parts:
+            polar = ca.sumsqr(c) / mass + polar
+        return polar
+
     def transformed(self, R: SX, p: SX) -> "Body":
-        """A single body in another frame, in which its frame has the orientation R and origin p.
+        """The body in another frame, in which its frame has the orientation R and the origin p.
 
         A point r of the body is at R r + p there.
         """
         Rc = R @ self.c
-        c = Rc + self.mass * p
         J = R @ self.J @ R.T + Rc @ p.T + p @ Rc.T + self.mass * p @ p.T
-        return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
+        return Body(
+            mass=self.mass,
+            c=Rc + self.mass * p,
+            J=J,
+            parts=tuple((mass, R @ c + mass * p) for mass, c in self.parts),
+        )
 
     def welded_to(self, other: "Body") -> "Body":
         """Both bodies together, in the same frame."""
@@ -67,7 +86,7 @@ class Body(NamedTuple):
             mass=self.mass + other.mass,
             c=self.c + other.c,
             J=self.J + other.J,
-            polar=self.polar + other.polar,
+            parts=other.parts + self.parts,
         )
 
 
@@ -177,8 +196,7 @@ class TreeDynamics:
         for i in range(1, model.njoints):
             numbers = self._parameters.body(self._p, i)
             if numbers is not None:
-                mass, c, J = numbers
-                bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
+                bodies[i] = Body.single(*numbers)
         return bodies
 
     def _weld(self, bodies: list[Body]) -> None:
@@ -240,9 +258,9 @@ class TreeDynamics:
         # With gravity, the accelerations a contain -g, so that m a contains the opposite weight.
         motions = self._kinematics.motions(v, dv, gravity)
         for link, motion in zip(self._kinematics.tree.links, motions, strict=True):
-            mass, c, J, _ = self._bodies[link.body]
-            force = mass * motion.a + motion.U @ c
-            moment = _moment(motion, J) + ca.cross(c, motion.a)
+            body = self._bodies[link.body]
+            force = body.mass * motion.a + motion.U @ body.c
+            moment = _moment(motion, body.J) + ca.cross(body.c, motion.a)
             wrench = ca.vertcat(force, moment)
             if weight and link.body in self._weightless:
                 # Nothing has to carry the weight of the weightless part.

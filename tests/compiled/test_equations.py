@@ -30,6 +30,7 @@ CHAINS = (
     | {f"mimic {kind}": lambda kind=kind: any_chain.mimicking(kind) for kind in MIMICKING}
     | {
         "floating on a plane": lambda: any_chain.with_joint("free-flyer", kind="planar"),
+        "welded in a row": any_chain.welded_in_a_row,
         "rods": any_chain.rods,
         "coupled": any_chain.coupled,
         "disc": lambda: any_chain.rolling(False),
@@ -44,7 +45,8 @@ CHAINS = (
 #: One of each sort; the others are slow tests.
 QUICK = (
     *("joint HZ", "closure universal", "springs spherical", "mimic hinge", "floating on a plane"),
-    *("rods", "coupled", "ball", "coordinates other than motors", "loops that hang on loops"),
+    *("welded in a row", "rods", "coupled", "ball", "loops that hang on loops"),
+    "coordinates other than motors",
 )
 
 

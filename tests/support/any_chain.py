@@ -190,6 +190,18 @@ def with_joint(name: str, **options) -> ClosedChain:
     return chain([(ALL_JOINTS[name](), pin.SE3.Identity())], **options)
 
 
+def welded_in_a_row() -> ClosedChain:
+    """Three floating bodies: the second one is welded to the first, the third to the second."""
+    random, model = np.random.default_rng(6), pin.Model()
+    model.gravity.linear = GRAVITY
+    for k in range(3):
+        body = add_joint(model, 0, f"body_{k}", pin.JointModelFreeFlyer(), random)
+        add_frame(model, f"back_{k}", body, random)
+        add_frame(model, f"front_{k}", body, random)
+    closures = [Closure("back_1", "front_0"), Closure("back_2", "front_1")]
+    return ClosedChain(model, closures, [], coordinates=["body_0"])
+
+
 def rods() -> ClosedChain:
     """The arm ends in a ball; a rod between two of its links."""
     plain = chain(kind="3d")
