@@ -5,13 +5,15 @@
 and closures have to supply. So a spring, for instance, contributes the opposite of the force that
 it exerts.
 
-A point of a link at r from its origin has the acceleration a + U r (see `link_kinematics`). So a
-body with the mass m, the first moment c (the integral of r dm) and the second moments J (the
-integral of r r^T dm) needs the force and the moment about the origin
+A link has the angular velocity omega, the angular acceleration alpha, and the acceleration a of its
+origin. A point at r from the origin has the acceleration a + U r with
+U = skew(alpha) + skew(omega) skew(omega); see `link_kinematics`. Let a body have the mass m, the
+first moment c (the integral of r dm) and the second moments J (the integral of r r^T dm). It needs
+the integrals of a + U r and of r x (a + U r) as force and moment about the origin,
 
     m a + U c,   c x a + 2 axial(U J),
 
-Eqs. (63)-(68). The axial vector of a matrix A is that of its skew part (A - A^T) / 2.
+Eqs. (63)-(68). The axial vector w of a matrix A belongs to its skew part: skew(w) = (A - A^T) / 2.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -121,10 +123,11 @@ class SpatialInertia(NamedTuple):
         h = c + self.mass * p / 2
         inertia = R @ self.inertia @ R.T - h @ p.T - p @ h.T
         inertia += ca.dot(2 * p, h) * SX.eye(3)
+        inertia = ca.triu2symm(ca.triu(inertia))  # computes no entry twice
         return SpatialInertia(
             mass=parent.mass + self.mass,
             c=parent.c + c + self.mass * p,
-            inertia=parent.inertia + ca.triu2symm(ca.triu(inertia)),
+            inertia=parent.inertia + inertia,
         )
 
 
@@ -132,16 +135,17 @@ class Line(NamedTuple):
     """A line between two frames along which a force acts."""
 
     length: SX
-    #: A row whose Phi v is the rate of the length.
+    #: A row of `closure_rows` for the length; its Phi v is the rate of the length.
     row_of_length: Row
     stiffness: SX
+    #: Rest length.
     rest: SX
     damping: SX
     preload: SX
 
     @property
     def row(self) -> Sparse:
-        """The rate of the length at a unit of each rate of the tree, by rate."""
+        """Phi of `row_of_length`: the rate of the length at a unit of each rate of the tree."""
         return self.row_of_length.Phi
 
 
@@ -263,7 +267,7 @@ class TreeDynamics:
             moment = _moment(motion, body.J) + ca.cross(body.c, motion.a)
             wrench = ca.vertcat(force, moment)
             if weight and link.body in self._weightless:
-                # Nothing has to carry the weight of the weightless part.
+                # No gravity acts on the weightless part of the body, so nothing has to carry it.
                 wrench = wrench + self._weight_of_weightless(link.body)
             if loads and link.body and self._loads.numel():
                 wrench = wrench - self._load(link.body)
@@ -283,30 +287,34 @@ class TreeDynamics:
         first = 6 * (body - 1)  # the ground has no load
         force, moment = ca.vertsplit(self._loads[first : first + 6], 3)
         R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
-        numbers = self._parameters.body(self._p, body)
         force = R.T @ force
-        center = sx(self._mechanism.model.inertias[body].lever)
+        numbers = self._parameters.body(self._p, body)
         if numbers is not None:
             mass, c, _ = numbers
             center = c / mass
+        else:
+            # A body without mass has no symbols. Pinocchio stores a mass centre for it too.
+            center = sx(self._mechanism.model.inertias[body].lever)
         return ca.vertcat(force, R.T @ moment + ca.cross(center, force))
 
     @cached_property
     def _weightless(self) -> dict[int, tuple[SX, SX]]:
         """Mass and first moment of the weightless part of bodies, by Pinocchio's joints.
 
-        Bodies that have their whole weight are left out.
+        Gravity acts only on a share of some bodies (`weight_shares`); the rest is weightless. Other
+        bodies are left out.
         """
         weightless = dict[int, tuple[SX, SX]]()
         weight_shares = self._mechanism.weight_shares
         if weight_shares is not None:
-            for body in weight_shares.bodies:
-                numbers = self._parameters.body(self._p, body + 1)
+            for k in weight_shares.bodies:
+                body = k + 1  # Pinocchio's joint 0 is the universe, which has no body
+                numbers = self._parameters.body(self._p, body)
                 if numbers is not None:
                     mass, c, _ = numbers
-                    W = sx(weight_shares.weightless_factor(body))
+                    W = sx(weight_shares.weightless_factor(k))  # (4, 4), for [mass; c]
                     part = W @ ca.vertcat(mass, c)
-                    weightless[body + 1] = part[0], part[1:]
+                    weightless[body] = part[0], part[1:]
         return weightless
 
     def _weight_of_weightless(self, body: int) -> SX:
@@ -322,7 +330,10 @@ class TreeDynamics:
     # --- friction, springs and lines --------------------------------------------------------------
 
     def friction(self, v: Sparse) -> Sparse:
-        """Forces that friction of joints and along lines needs, dampers of lines included."""
+        """Forces that friction of joints, and friction and dampers of lines need.
+
+        A slack cable loses the pull of its damper, but not its dry friction.
+        """
         viscous = self._parameters.of_joints("viscous", self._p)
         coulomb = self._parameters.of_joints("coulomb", self._p)
         signs = {i: self._sign(x) for i, x in v.items()}
@@ -468,12 +479,18 @@ class TreeDynamics:
         """The size of the whole robot's inertia, [kg m^2]: `dynamics.whole_inertia` on symbols."""
         length = self._mechanism.length
         scale = self._mechanism.rate_scale
-        bodies = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
-        # The trace of a body's inertia about the origin is 2 trace(J).
-        terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, bodies)]
-        rotors = self._parameters.of_joints("armature", self._p)
-        on_lines = [x * length**2 for x in self._parameters.line_masses(self._p).values()]
-        return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items()), *on_lines])
+        terms: list[Any] = []
+        for i in self._parameters.bodies:
+            numbers = self._parameters.body(self._p, i)
+            if numbers is not None:
+                mass, _, J = numbers
+                # The trace of a body's inertia about the origin is 2 trace(J).
+                terms.append(mass * length**2 + 2 * ca.trace(J))
+        for i, armature in self._parameters.of_joints("armature", self._p).items():
+            terms.append(armature * float(scale[i] ** 2))
+        for mass in self._parameters.line_masses(self._p).values():
+            terms.append(mass * length**2)
+        return total(terms)
 
     @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
@@ -569,17 +586,23 @@ class TreeDynamics:
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
         """Forces along the rates of the tree for column k of the Coriolis matrix, Eq. (94).
 
-        The forces are those of the wrenches M T_dot + Omega M T. The force on a body is m a + U c,
-        with a and U for the rates v_k = L (see `LinkMotion`). It acts at the mass centre, which is
-        at r. The moment about the mass centre is I_c alpha + omega x (I_c omega_k) in the paper.
-        For the moment about the origin, the moment of the force is added,
+        Column k of M T_dot + Omega M T consists of wrenches on the bodies. They need these forces.
+        For a body with the mass centre at r and the inertia I_c about it, the force and the moment
+        about the mass centre are
 
-            r x (m a + U c) = c x a + m r x (alpha x r) + m r x (omega_k x (omega x r)),
+            m a + U c,   I_c alpha + omega x (I_c omega_k).
 
-        where c = m r. The last term is m (r . omega_k) (r x omega). With the inertia about the
-        origin, I = I_c + m (r^2 E - r r^T), the sum is
+        Here a, alpha, omega_k and U are those of `LinkMotion` for the rates v_k = L, and c = m r.
+        The moment about the origin is larger by the moment of the force,
+
+            r x (m a + U c) = c x a + m r x (alpha x r) + m r x (omega_k x (omega x r)).
+
+        The last term is m (r . omega_k) (r x omega). With the inertia about the origin,
+        I = I_c + m (r^2 E - r r^T), the sum of both moments is
 
             c x a + I alpha + omega x ((I - m r^2 E) omega_k).
+
+        Bodies that are welded together contribute the sum of their terms.
 
         Args:
             v: Rates of the tree.
