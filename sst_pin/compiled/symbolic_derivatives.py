@@ -82,31 +82,6 @@ def of_accelerations(e: Equations, checks: Checks) -> CheckedMatrix:
     return CheckedMatrix(e.inertia_factors.solve(forces), of_forces.checks + checks.massless)
 
 
-def of_displacement(e: Equations, step: Sparse) -> SX:
-    """-[v, step] along the coordinates, shape (n,).
-
-    For step = L e_k it is column k of D, which `Engine.displacement_rates` explains.
-    """
-    return -column(_brackets(e, e.v, step), e.mechanism.coordinates.tolist())
-
-
-def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
-    """The Lie bracket [a, b] of rates a and b of the tree, joint by joint.
-
-    For two twists [u; omega] of a joint the bracket is the twist
-    [omega_a x u_b + u_a x omega_b; omega_a x omega_b]. S^T times it gives its rates.
-    """
-    brackets: Sparse = {}
-    for link in e.kinematics.tree.links:
-        if len(link.v) > 1:  # a single twist has a zero bracket with itself
-            S = sx(link.S)
-            u_a, omega_a = ca.vertsplit(S @ column(a, link.v), 3)
-            u_b, omega_b = ca.vertsplit(S @ column(b, link.v), 3)
-            linear = ca.cross(omega_a, u_b) + ca.cross(u_a, omega_b)
-            brackets |= sparse(link.v, S.T @ ca.vertcat(linear, ca.cross(omega_a, omega_b)))
-    return brackets
-
-
 # --- the tree -----------------------------------------------------------------------------------
 
 #: A function (dq, dv, dv_dot): the change of a function of q, v and v_dot for these changes of its
@@ -371,3 +346,31 @@ def of_inertia_along(
     step = e.complete(ca.vertsplit(direction), none)
     dF_by_aa = sparse(tree.rates, tree.change_of_F(none, none, step))
     return CheckedMatrix(e.projected(dF_by_aa), checks.unbalanced(dF_by_aa))
+
+
+# --- displacements ------------------------------------------------------------------------------
+
+
+def of_displacement(e: Equations, step: Sparse) -> SX:
+    """-[v, step] along the coordinates, shape (n,).
+
+    For step = L e_k it is column k of D, which `Engine.displacement_rates` explains.
+    """
+    return -column(_brackets(e, e.v, step), e.mechanism.coordinates.tolist())
+
+
+def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
+    """The Lie bracket [a, b] of rates a and b of the tree, joint by joint.
+
+    For two twists [u; omega] of a joint the bracket is the twist
+    [omega_a x u_b + u_a x omega_b; omega_a x omega_b]. S^T times it gives its rates.
+    """
+    brackets: Sparse = {}
+    for link in e.kinematics.tree.links:
+        if len(link.v) > 1:  # a single twist has a zero bracket with itself
+            S = sx(link.S)
+            u_a, omega_a = ca.vertsplit(S @ column(a, link.v), 3)
+            u_b, omega_b = ca.vertsplit(S @ column(b, link.v), 3)
+            linear = ca.cross(omega_a, u_b) + ca.cross(u_a, omega_b)
+            brackets |= sparse(link.v, S.T @ ca.vertcat(linear, ca.cross(omega_a, omega_b)))
+    return brackets
