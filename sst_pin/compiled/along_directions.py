@@ -278,7 +278,7 @@ def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
-        column_of_D = symbolic_derivatives.of_displacement(e, _joint_rates(e, direction))
+        column_of_D = symbolic_derivatives.displacement_rates_along(e, _joint_rates(e, direction))
         return _in_column(column_of_D, n, 0), []
 
     return _ByDirections(

@@ -172,7 +172,7 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> KernelParts:
 
 def _displacement_rates(e: Equations, checks: Checks) -> KernelParts:
     """Rates of a displacement that moving joint axes cause, as `Reference.displacement_rates`."""
-    columns = (symbolic_derivatives.of_displacement(e, L) for L in e.L)
+    columns = (symbolic_derivatives.displacement_rates_along(e, L) for L in e.L)
     return KernelParts(_moving(e), row_by_row(*columns), checks.of_rates + checks.of_steady_motion)
 
 

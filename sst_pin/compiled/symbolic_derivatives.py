@@ -25,9 +25,10 @@ with the rate Phi_dot(dq) of Phi along dq. For derivatives by va, dq = 0 and dv 
 
 `of_torques` and `of_accelerations` give all derivatives, in one of two ways: by Jacobians of the
 whole tree, or by one coordinate after the other. The second way takes fewer operations for long
-trees with few coordinates (`Equations.derivatives_by_columns`). `of_forces_along` gives the change
-of f along one direction that is an input. Kernels that compute several directions of one sample
-side by side use it (`along_directions`).
+trees with few coordinates (`Equations.derivatives_by_columns`).
+
+The functions `..._along` give the change along one direction, which is an input. Kernels that
+compute several directions of one sample side by side use them (`along_directions`).
 """
 
 from collections.abc import Callable, Sequence
@@ -104,9 +105,9 @@ class TreeDerivatives:
     Attributes:
         rates: Indices of all rates of the tree.
         q, v, v_dot: The symbols by which functions are differentiated; q are the displacements.
-        F: F of the module, shape (nv,).
-        c: c of the module, for each row of the factors of Phi_u.
-        slips: Phi v of the rows that constrain rates only, zero for the other rows.
+        F: The forces F (see the module), shape (nv,).
+        c: Phi v_dot + Phi_dot v, shape (rows,), for the rows in the factors of Phi_u.
+        slips: Phi v of the rows that constrain rates only, zero for the other rows, shape (rows,).
     """
 
     def __init__(self, e: Equations, aa: SX, tau: SX) -> None:
@@ -130,7 +131,8 @@ class TreeDerivatives:
         twists = partial(displaced.kinematics.twist, v=v)
         slips = []
         for row in rows:
-            slips.append(row.velocity(v, twists) if row.residual is None else SX(0))
+            constrains_rates_only = row.residual is None
+            slips.append(row.velocity(v, twists) if constrains_rates_only else SX(0))
         self.slips = SX(ca.vertcat(*slips))
         self.c = SX(ca.vertcat(*(row.acceleration(v, v_dot) for row in rows)))
         without_motors = _forces_with_closures(displaced, v, v_dot, rows, ca.vertsplit(Lambda))
@@ -151,9 +153,9 @@ class TreeDerivatives:
         self._values = [value for _, value in arguments]
 
     def jacobians(self, *pairs: tuple[SX, SX]) -> list[SX]:
-        """For each pair of a function and symbols: the derivative of the one by the others."""
+        """For each pair of a function and symbols: the Jacobian of the function by the symbols."""
         results = [ca.jacobian(function, symbols) for function, symbols in pairs]
-        return list(ca.Function("by", self._symbols, results).call(self._values))
+        return list(ca.Function("jacobians", self._symbols, results).call(self._values))
 
     @cached_property
     def change_of_slips(self) -> Change:
@@ -254,7 +256,7 @@ def _of_forces_by_matrices(e: Equations, checks: Checks, tree: TreeDerivatives) 
 
         L^T M dv_dot = -g (c_q dq + c_v dv)   with   g = (L^T M)_u Phi_u^-1.
 
-    Row k of g are the multipliers for the forces M L e_k. With G_q = L^T F_q - g c_q,
+    Row k of g contains the multipliers for the forces M L e_k. With G_q = L^T F_q - g c_q,
     G_v = L^T F_v - g c_v and the derivative V_q of v by q along the columns of L,
 
         f_q = G_q L + G_v V_q,   f_va = G_v L,   f_aa = L^T M L.
@@ -310,25 +312,25 @@ def of_forces_along(
     """Changes of f by q and by va along a direction x of the coordinates, shape (n,)."""
     rows = e.factors.rows
     zero_at_coordinates = [0.0] * direction.numel()
-    none = Sparse()
-    step = e.complete(ca.vertsplit(direction), none)  # L x
+    zero = Sparse()
+    step = e.complete(ca.vertsplit(direction), zero)  # L x
 
     # By q: dq = L x, then dv and dv_dot.
-    c_v_step = tree.change_of_c(none, step, none)
-    slips_step = tree.change_of_slips(step, none, none)
+    c_v_step = tree.change_of_c(zero, step, zero)
+    slips_step = tree.change_of_slips(step, zero, zero)
     right_of_dv = sparse(rows, -_Phi_dot_v(e, slips_step, c_v_step, [step]))
     dv = e.complete(zero_at_coordinates, right_of_dv)
-    right_of_dv_dot = sparse(rows, -tree.change_of_c(step, dv, none))
+    right_of_dv_dot = sparse(rows, -tree.change_of_c(step, dv, zero))
     dv_dot = e.complete(zero_at_coordinates, right_of_dv_dot)
     dF_by_q = sparse(tree.rates, tree.change_of_F(step, dv, dv_dot))
 
     # By va: dq = 0, dv = L x, then dv_dot.
     right_by_va = sparse(rows, -c_v_step)
     dv_dot_by_va = e.complete(zero_at_coordinates, right_by_va)
-    dF_by_va = sparse(tree.rates, tree.change_of_F(none, step, dv_dot_by_va))
+    dF_by_va = sparse(tree.rates, tree.change_of_F(zero, step, dv_dot_by_va))
 
     solution_checks = [
-        *checks.unsolved(step, none),
+        *checks.unsolved(step, zero),
         *checks.unsolved(dv, right_of_dv),
         *checks.unsolved(dv_dot, right_of_dv_dot),
         *checks.unsolved(dv_dot_by_va, right_by_va),
@@ -342,17 +344,17 @@ def of_inertia_along(
     e: Equations, checks: Checks, tree: TreeDerivatives, direction: SX
 ) -> CheckedMatrix:
     """L^T M L times a direction of the coordinates, shape (n,): the change of f by aa."""
-    none = Sparse()
-    step = e.complete(ca.vertsplit(direction), none)
-    dF_by_aa = sparse(tree.rates, tree.change_of_F(none, none, step))
+    zero = Sparse()
+    step = e.complete(ca.vertsplit(direction), zero)  # L x
+    dF_by_aa = sparse(tree.rates, tree.change_of_F(zero, zero, step))
     return CheckedMatrix(e.projected(dF_by_aa), checks.unbalanced(dF_by_aa))
 
 
 # --- displacements ------------------------------------------------------------------------------
 
 
-def of_displacement(e: Equations, step: Sparse) -> SX:
-    """-[v, step] along the coordinates, shape (n,).
+def displacement_rates_along(e: Equations, step: Sparse) -> SX:
+    """-[v, step] along the coordinates, shape (n,), with the Lie bracket of rates of the tree.
 
     For step = L e_k it is column k of D, which `Engine.displacement_rates` explains.
     """
@@ -363,7 +365,8 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
     """The Lie bracket [a, b] of rates a and b of the tree, joint by joint.
 
     For two twists [u; omega] of a joint the bracket is the twist
-    [omega_a x u_b + u_a x omega_b; omega_a x omega_b]. S^T times it gives its rates.
+    [omega_a x u_b + u_a x omega_b; omega_a x omega_b]. S^T times this twist are its rates, because
+    the columns of S are orthonormal in joints with several rates.
     """
     brackets: Sparse = {}
     for link in e.kinematics.tree.links:
