@@ -588,19 +588,15 @@ class Engine:
             answer: D | None = kernel.derivatives(kind, q, second, third, one_thread)
             if answer is not None:
                 return answer
-        # Wrenches at frames add a term. It is computed before the derivatives, because `out` may
-        # share memory with the arguments.
-        by_q_of_arms: Array | None = None
+        # Wrenches at frames add a term, from this slope. The slope and the inertia are computed
+        # before the derivatives, because `out` may share memory with the arguments.
+        slope: Array | None = None
+        inertia: Array | None = None
         if isinstance(external_wrenches, Mapping):
-            # The wrenches supply a part of the forces f that the motion needs: df/dq falls by the
-            # slope. The accelerations are M^-1 (... - f): d(aa)/dq grows by M^-1 times the slope.
             policy = options.get("on_error", "raise")
             slope = self._slope_of_arms(external_wrenches, q, policy)
-            if kind is TorqueDerivatives:
-                by_q_of_arms = -slope
-            else:
+            if kind is AccelerationDerivatives:
                 inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
-                by_q_of_arms = np.asarray(np.linalg.solve(inertia, slope), float)
         matrices = self._under_loads(
             key,
             partial(of_sample, sign_width=key.sign_width),
@@ -616,8 +612,16 @@ class Engine:
         by_q = matrices[..., :n]
         by_v = matrices[..., n : 2 * n]
         by_input = matrices[..., 2 * n :]  # by aa, or by tau
-        if by_q_of_arms is not None:
-            by_q += by_q_of_arms  # in place, so that `out` has it too
+        # The sums are in place, so that `out` has them too.
+        if slope is not None and inertia is None:
+            # The wrenches supply a part of the forces f that the motion needs.
+            by_q -= slope
+        elif slope is not None and inertia is not None:
+            # The accelerations are M^-1 (... - f). A sample with an error is NaN, whatever is added
+            # to it, and its M may be singular: it is replaced by the identity.
+            is_nan = np.asarray(np.isnan(by_q).any(axis=(-2, -1)))
+            M = np.where(is_nan[..., None, None], np.eye(n), inertia)
+            by_q += np.linalg.solve(M, slope)
         return kind(by_q, by_v, by_input)
 
     def _slope_of_arms(

@@ -5,8 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import robots
-from sst_pin.errors import InputError, UnknownNameError
+from sst_pin import ClosedChain, robots
+from sst_pin.errors import InputError, SingularConfigurationError, UnknownNameError
 from tests.support import any_chain
 
 #: Both sides are the same sums in another order.
@@ -134,3 +134,22 @@ def test_out_may_be_the_memory_of_the_configurations(chain, states, load, method
     same[:] = q
     compute(same, va, last, external_wrenches=load, out=out)
     close(out, expected)
+
+
+def test_a_coordinate_without_mass_has_its_own_error():
+    """The term of a wrench at a frame needs the inverse of M, which is singular here."""
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(base, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    place = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    wheel = model.addJoint(base, pin.JointModelRZ(), place, "wheel")
+    model.addFrame(pin.Frame("rim", wheel, place, pin.FrameType.OP_FRAME))
+    chain = ClosedChain(model, [], ["base", "wheel"])
+    push = {"external_wrenches": {"rim": np.ones(6)}}
+    rest = np.zeros(2)
+    with pytest.raises(SingularConfigurationError, match="no mass"):
+        chain.acceleration_derivatives(rest, rest, rest, **push)
+    with pytest.raises(SingularConfigurationError, match="no mass"):
+        chain.linearize(rest, rest, rest, **push)
+    without_error = chain.acceleration_derivatives(rest, rest, rest, on_error="nan", **push)
+    assert np.isnan(np.concatenate(without_error, axis=-1)).all()
