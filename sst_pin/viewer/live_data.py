@@ -15,6 +15,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..model.conventions import EARTH_GRAVITY
+from ..model.mechanism import Mechanism
 from ..simulation.check import LARGEST_CONDITION, limit_tolerances
 from .curve_sets import torques_of
 from .force_shares import moving_mass
@@ -35,11 +36,7 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     gravity = float(np.linalg.norm(model.gravity.linear)) or EARTH_GRAVITY
     weight = gravity * moving_mass(model)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
-    # B^T times the limits of the joints, with the sizes of the entries of B. Infinite limits become
-    # finite first, because infinity times an entry of zero is not a number.
-    joint_limits = np.minimum(model.effortLimit, 10 * _FAR)
-    motor_limits = (np.abs(mechanism.actuation).T @ joint_limits).tolist()
-    motors["limits"] = [limit if 0 < limit < _FAR else None for limit in motor_limits]
+    motors["limits"] = _motor_limits(mechanism)
     # The end of a motor's slider: the weight as a force, or the weight at half of the robot's
     # length as a torque.
     largest = [weight * (scene.size / 2 if unit == "N m" else 1) for unit in motors["units"]]
@@ -73,6 +70,25 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
 def _scale(unit: str, size: float) -> float:
     """The typical size of a position or rate: the robot's length for lengths, 1 for angles."""
     return size if unit == "m" else 1.0
+
+
+def _motor_limits(mechanism: Mechanism) -> list[float | None]:
+    """Largest torque or force of each motor if it acts alone, [N m] or [N]; None without a limit.
+
+    A motor acts on rates and lines by factors: the force on each is a factor times the motor's
+    torque. Limits are given for the forces on rates and lines. So each of them limits the motor to
+    limit / |factor|, and the smallest of these counts.
+    """
+    factors = np.vstack([mechanism.actuation, mechanism.lines.actuation])
+    limits = [*mechanism.model.effortLimit, *(line.effort for line in mechanism.lines.forces)]
+    motor_limits = list[float | None]()
+    for factors_of_motor in np.abs(factors).T:
+        motor_limit = np.inf
+        for factor, limit in zip(factors_of_motor, limits, strict=True):
+            if factor > 0 and 0 < limit < _FAR:  # files write 0, too, for no limit
+                motor_limit = min(motor_limit, float(limit / factor))
+        motor_limits.append(motor_limit if np.isfinite(motor_limit) else None)
+    return motor_limits
 
 
 def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str, Any]]:
@@ -125,7 +141,8 @@ def _ends_of_slider(
     """
     low = float(model.lowerPositionLimit[i])
     high = float(model.upperPositionLimit[i])
-    # The default range, if there are no limits, or if they are too far for a useful slider.
+    # The default range is used if there are no limits, and if the limits are wide. A limit is wide
+    # if it is not smaller than the whole default range: the slider would be too coarse.
     if max(abs(low), abs(high)) >= 2 * half_range:
         middle = 0.0 if unit == "rad" else start
         low = middle - half_range
@@ -136,7 +153,8 @@ def _ends_of_slider(
 def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
     """Stops: limits of hinges and slides, which the simulation of the page does not pass.
 
-    If a joint starts beyond a limit, the limit is moved to the start.
+    Continuous joints, with a cosine and a sine in q, have no limits. If a joint starts beyond a
+    limit, its stop is at the start instead.
     """
     model = robot.mechanism.model
     for joint in list(model.joints)[1:]:
@@ -228,7 +246,8 @@ def _contacts(scene: Scene) -> Iterator[dict[str, Any]]:
 
 def _contact_arrows(scene: Scene) -> Iterator[dict[str, Any]]:
     """Arrows and marks of the forces of contacts; the start of a mark is None."""
-    # An arrow belongs to contact k if its force begins at entry first_contact + 3 k of the effort.
+    # Forces of contacts are the last entries of an effort. The force of contact k begins at the
+    # entry first_contact + 3 k.
     first_contact = scene.layout.contact(0)
     for arrow in scene.arrows:
         if not isinstance(arrow, TorqueArrow) and arrow.first >= first_contact:
