@@ -96,7 +96,7 @@ class MjcfDocument:
         """MuJoCo's coordinates for a configuration, shape (nq,)."""
         return np.concatenate([joint.qpos(q) for joint in self.joints])
 
-    def by_rate(self) -> dict[int, str]:
+    def names_by_rate(self) -> dict[int, str]:
         """Names of hinges and slides, by the index of their rate in v."""
         names = dict[int, str]()
         for joint in self.joints:
@@ -155,11 +155,12 @@ class MjcfDocument:
         sites = set[str]()
         for i, frame in enumerate(self.model.frames):
             name = frame.name
-            is_world = frame.parentJoint == 0 and frame.placement.isIdentity()
-            is_point = frame.type in POINTS or (frame.type == LINK and not is_world)
             # Several frames may have one name; the name of an end means the frame of `frame_id`.
             is_end = name in self._end_frames and frame_id(self.model, name) == i
-            if is_end or (is_point and name not in self._body_names and name not in sites):
+            is_world = frame.parentJoint == 0 and frame.placement.isIdentity()
+            is_point_or_link = frame.type in POINTS or (frame.type == LINK and not is_world)
+            has_name_already = name in self._body_names or name in sites
+            if is_end or (is_point_or_link and not has_name_already):
                 self.add_site(name, frame.parentJoint, frame.placement)
                 sites.add(name)
 

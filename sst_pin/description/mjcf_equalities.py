@@ -17,7 +17,7 @@ from .urdf_writer import numbers
 #: Largest degree of MuJoCo's polynomials of joints and tendons.
 _MAX_DEGREE = 4
 #: Components that a weld and a ball hold: [linear; angular], True where it holds.
-_FIXED = Closure.KINDS["6d"]
+_WELD = Closure.KINDS["6d"]
 _BALL = Closure.KINDS["3d"]
 
 
@@ -47,11 +47,11 @@ class MjcfEqualities:
 
     def add_mimics(self) -> None:
         """Add an equality for each joint that mimics another one."""
-        leaders = self._document.by_rate()
+        names = self._document.names_by_rate()
         for joint in self._document.joints:
             if joint.mimics:
-                names = [joint.name, leaders[int(joint.rates[0])]]
-                self._add_polynomial("joint", names, [joint.offset, joint.factor])
+                leader = names[int(joint.rates[0])]
+                self._add_polynomial("joint", [joint.name, leader], [joint.offset, joint.factor])
 
     def _refuse(self, problem: str) -> None:
         self._document.problems.append(problem)
@@ -75,22 +75,28 @@ class MjcfEqualities:
         SubElement(equalities, kind, ends, polycoef=numbers(padded))
 
     def _add_closure(self, number: int, closure: Closure) -> None:
-        """Add a weld or a ball; or a hinge, as a ball and a second ball on its axis."""
-        held = closure.held
-        kind = "weld" if held == _FIXED else "connect"
-        self._connect(number, kind, closure.frame_a, closure.frame_b)
-        holds_all_but_one_rotation = held[:3] == _BALL[:3] and held.count(False) == 1
-        if holds_all_but_one_rotation:
-            axis = held.index(False) - 3
+        """Add a weld or a ball; or a hinge, as a ball and a second ball on its axis.
+
+        MuJoCo's name of a ball is `connect`.
+        """
+        components = closure.held  # six booleans, as in `_WELD` and `_BALL`
+        is_hinge = all(components[:3]) and components.count(False) == 1
+        if components == _WELD:
+            self._connect(number, "weld", closure.frame_a, closure.frame_b)
+        elif components == _BALL:
+            self._connect(number, "connect", closure.frame_a, closure.frame_b)
+        elif is_hinge:
+            self._connect(number, "connect", closure.frame_a, closure.frame_b)
+            axis = components.index(False) - 3  # 0, 1 or 2: the free rotation is about x, y or z
             site_a = self._add_site_on_axis(number, closure.frame_a, axis)
             site_b = self._add_site_on_axis(number, closure.frame_b, axis)
             self._connect(number, "connect", site_a, site_b)
-        elif held not in (_FIXED, _BALL):
+        else:
             words = closure.kind if isinstance(closure.kind, str) else "of these directions"
             self._refuse(f"closure {closure}: MuJoCo has no closure {words}")
 
     def _connect(self, number: int, kind: str, frame_a: str, frame_b: str) -> None:
-        """Add a connection or a weld between two sites, for the closure of this index."""
+        """Connect the sites at two frames, for the closure of this index; `kind` is of MuJoCo."""
         equalities = self._document.section("equality")
         names = {equality.get("name") for equality in equalities}
         name = f"{frame_a}-{frame_b}"
@@ -127,7 +133,7 @@ class MjcfEqualities:
             return
         rate = self._mechanism.rate_of(brake)
         if rate is not None:
-            name = self._document.by_rate().get(rate)
+            name = self._document.names_by_rate().get(rate)
             if name is None:
                 text = "MuJoCo holds no single rate of a ball or a free joint; use hinges in series"
                 self._refuse(f"{brake}: {text}")
@@ -136,6 +142,7 @@ class MjcfEqualities:
             self._add_polynomial("joint", [name], [float(joint.qpos(home)[0])])
         else:
             assert brake.frames is not None  # a brake without a rate holds a line
+            # `add_lines` has written the line as a tendon, which has the name of the brake.
             at_zero = self._distance(*brake.frames, pin.neutral(self._mechanism.model))
             change = self._distance(*brake.frames, home) - at_zero
             self._add_polynomial("tendon", [brake.name], [change])
@@ -163,7 +170,8 @@ class MjcfEqualities:
         If the left side has several joints, both sides become tendons, because an equality of
         joints has one joint on the left.
         """
-        # Coefficients of each p_j, the constant first, without zeros at the end.
+        # Coefficients of each p_j, the constant first, without zeros at the end. They are empty for
+        # a p_j that is zero.
         polynomials = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
         nonlinear = [name for name, powers in polynomials.items() if len(powers) > 2]
         degree = max((len(powers) for powers in polynomials.values()), default=0) - 1
@@ -174,14 +182,14 @@ class MjcfEqualities:
             self._refuse(f"coupling {coupling}: {text}")
             return
 
-        # The argument: the joint with the nonlinear polynomial, or the first one if all are linear.
-        # There is none if the follower is constant.
+        # The argument is the joint with the nonlinear polynomial, or the first joint if all are
+        # linear. This list has one name, or none if the follower is constant.
         arguments = nonlinear or list(polynomials)[:1]
         left_side = {coupling.joint: 1.0}
         right_side = np.zeros(_MAX_DEGREE + 1)  # coefficients, the constant first
         right_side[0] = coupling.offset
         for name, powers in polynomials.items():
-            if not len(powers):
+            if not len(powers):  # the polynomial is zero
                 continue
             right_side[0] += powers[0]
             if name in arguments:
@@ -192,6 +200,7 @@ class MjcfEqualities:
         if len(left_side) == 1:
             self._add_polynomial("joint", [coupling.joint, *arguments], right_side.tolist())
             return
+        # Both sides become tendons, whose names are numbered over the whole file.
         count = len(self._document.root.findall("tendon/fixed"))
         sides = [self._document.add_sum_tendon(f"sum_{count}", left_side)]
         for name in arguments:

@@ -14,10 +14,10 @@ from .mjcf_attributes import pose_attributes
 from .mjcf_document import MjcfDocument
 from .urdf_writer import numbers
 
-#: Radius of the sphere of a point, [m].
+#: Radius of the sphere that stands for a contact point without a radius, [m].
 _POINT = 1e-9
-#: Geoms that touch nothing but by their pairs.
-_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
+#: Attributes of geoms that touch only the geoms with which they form pairs.
+_ONLY_IN_PAIRS = {"contype": "0", "conaffinity": "0"}
 
 
 def add_lines(document: MjcfDocument, mechanism: Mechanism) -> None:
@@ -29,10 +29,11 @@ def add_lines(document: MjcfDocument, mechanism: Mechanism) -> None:
 def _add_line(document: MjcfDocument, line: LineForce) -> None:
     """Add a force along a line as a tendon."""
     attributes = {"name": line.name}
+
+    # Spring and preload. The force stiffness * (length - rest length) + preload is the force of a
+    # spring alone with another rest length. MuJoCo has no negative rest lengths.
     rest_length = 0.0
     if line.stiffness:
-        # The force stiffness * (length - rest length) + preload is that of a spring with another
-        # rest length.
         rest_length = line.rest_length - line.preload / line.stiffness
         attributes["stiffness"] = numbers([line.stiffness])
         attributes["springlength"] = numbers([rest_length])
@@ -40,11 +41,13 @@ def _add_line(document: MjcfDocument, line: LineForce) -> None:
         text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
         document.problems.append(f"line {line}: {text}")
     if line.pulls_only:
-        # A tendon's spring has no force while its length is between these two lengths.
+        # With two spring lengths, the spring of a tendon has no force between them.
         attributes["springlength"] = numbers([0, rest_length])
         if line.damping or not line.stiffness:
-            text = "of the cables of MuJoCo only the springs are slack; its damper is not"
+            text = "a slack tendon of MuJoCo has no spring force, but its damper acts"
             document.problems.append(f"line {line}: {text}")
+
+    # The other numbers.
     if line.damping:
         attributes["damping"] = numbers([line.damping])
     if line.coulomb_friction:
@@ -75,24 +78,25 @@ def _joins_branches(model: pin.Model, line: LineForce) -> bool:
 
 def add_motors(document: MjcfDocument, mechanism: Mechanism) -> None:
     """Add motors, each with a control that is its force."""
+    joint_names = document.names_by_rate()
     for k, name in enumerate(mechanism.motor_names):
         # Factors from the motor's force to the forces on rates, shape (nv,), and on lines.
         on_rates = mechanism.actuation[:, k]
         on_lines = mechanism.lines.actuation[:, k]
         rates = np.flatnonzero(on_rates)
         lines = np.flatnonzero(on_lines)
-        names = document.by_rate()
+        has_joints_for_all_rates = all(int(rate) in joint_names for rate in rates)
         motor = {"name": name}
         if not len(rates) and len(lines) == 1:
             line = mechanism.lines.forces[lines[0]]
             motor |= _motor_on_line(document, name, line, float(on_lines[lines[0]]))
-        elif len(lines) or not names.keys() >= set(rates.tolist()):
+        elif len(lines) or not has_joints_for_all_rates:
             text = "it acts on more than hinges and slides, or one line"
             document.problems.append(f"motor {name}: {text}")
         elif len(rates) == 1 and on_rates[rates[0]] == 1:
-            motor |= _motor_in_joint(mechanism, names[int(rates[0])], int(rates[0]))
+            motor |= _motor_in_joint(mechanism, joint_names[int(rates[0])], int(rates[0]))
         else:
-            factors = {names[int(rate)]: float(on_rates[rate]) for rate in rates}
+            factors = {joint_names[int(rate)]: float(on_rates[rate]) for rate in rates}
             motor["tendon"] = document.add_sum_tendon(name, factors)
         SubElement(document.section("actuator"), "motor", motor)
 
@@ -129,7 +133,7 @@ def add_contacts(document: MjcfDocument, mechanism: Mechanism) -> None:
         frame = frame_named(document.model, contact.frame)
         ground = frame_named(document.model, contact.ground)
         if ground.parentJoint:
-            text = "planes of MuJoCo stand still, and its ground moves"
+            text = "its ground moves, but planes of MuJoCo are fixed to the world"
             document.problems.append(f"contact {contact}: {text}")
             continue
         if contact.restitution:
@@ -138,12 +142,13 @@ def add_contacts(document: MjcfDocument, mechanism: Mechanism) -> None:
             planes[contact.ground] = f"{contact.ground} plane"
             plane = {"name": planes[contact.ground], "type": "plane", "size": "1 1 1"}
             pose = pose_attributes(ground.placement)
-            SubElement(document.base, "geom", plane | _UNTOUCHED | pose)
+            SubElement(document.base, "geom", plane | _ONLY_IN_PAIRS | pose)
         sphere = {"name": f"{contact} sphere", "type": "sphere", "mass": "0"}
         sphere |= {"size": numbers([max(contact.radius, _POINT)])}
         place = pin.SE3(np.eye(3), frame.placement.translation)
-        document.add_geom(frame.parentJoint, sphere | _UNTOUCHED | pose_attributes(place))
+        document.add_geom(frame.parentJoint, sphere | _ONLY_IN_PAIRS | pose_attributes(place))
         pair = {"name": contact.name, "geom1": sphere["name"], "geom2": planes[contact.ground]}
+        # Coefficients of friction along both tangents; the others are of torsion and rolling.
         sliding = [contact.friction, contact.friction, 0, 0, 0]
         pair |= {"condim": "3", "friction": numbers(sliding)}
         SubElement(document.section("contact"), "pair", pair)
