@@ -37,7 +37,7 @@ class MjcfJoint(NamedTuple):
     #: placement; its pose in MuJoCo's coordinates is relative to the world.
     at: pin.SE3
     #: With q and v of the robot's own tree, MuJoCo's coordinates are factor * q[entries] + offset,
-    #: and its rates are factor * v[rates]. The factor is 1 except for a mimic joint.
+    #: and its rates are factor * v[rates]. Factor and offset are 1 and 0 except for a mimic joint.
     entries: Indices
     rates: Indices
     factor: float
@@ -82,7 +82,7 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
     """
     joint = tree.model.joints[index]
     type_name = joint.shortname()
-    common = _common(original, tree, index)
+    common = _draft(original, tree, index)
     rate_names = JointSpace(original).rate_names
 
     # Joints of several rates.
@@ -120,8 +120,11 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
     return [common._replace(name=name, kind="slide", axis=twist[:3])]
 
 
-def _common(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
-    """What MuJoCo's joints for a joint have in common; `joints_of` replaces kind and axis."""
+def _draft(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
+    """All that MuJoCo's joints for a joint have in common.
+
+    Kind and axis have no meaning yet: `joints_of` replaces them.
+    """
     joint = tree.model.joints[index]
     rows = tree.S[joint.idx_v : joint.idx_v + joint.nv]
     rates = np.abs(rows).argmax(axis=1)  # the column of the entry of each row that is not zero
@@ -138,7 +141,7 @@ def _common(original: pin.Model, tree: NormalTree, index: int) -> MjcfJoint:
         at=tree.model.jointPlacements[index],
         entries=tree.entries[joint.idx_q : joint.idx_q + joint.nq],
         rates=rates,
-        factor=float(rows[0, rates[0]]),
+        factor=float(rows[0, rates[0]]),  # a mimic joint, the only one with a factor, has one rate
         offset=float(tree.offsets[joint.idx_q]),
         mimics=is_mimic,
     )
@@ -166,19 +169,17 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     off_diagonal = inertia - np.diag(np.diag(inertia))
     if np.abs(off_diagonal).max() <= _ROUNDING * np.abs(moments).max():
         return np.diag(inertia).copy(), np.eye(3)
-    # The rotation nearest to the identity has the largest trace. First the order of the axes is
-    # chosen, so that the sum of |R_ii| is largest. Then the signs are chosen, so that all R_ii are
-    # positive and this sum is the trace.
+    # The rotation nearest to the identity has the largest trace. First the order of the axes (the
+    # columns of R) is chosen, so that the sum of |R_ii| is largest. Then the signs of the axes are
+    # chosen, so that all R_ii are positive and this sum is the trace.
     #
     # The result is a rotation and not a reflection, because a reflection has a trace of at most 1,
-    # and this trace is larger than 1:
-    # - The squares in each row of R have the sum 1. So the mean over all orders of the sum of
-    # R_ii^2
-    #   is 1, and the best order has a sum of at least 1.
-    # - |R_ii| >= R_ii^2, so the sum of |R_ii| is at least 1 too. It is 1 only if all entries are 0
-    #   or +-1, but then the best order has the sum 3.
+    # and this trace is larger than 1. Proof: the mean over all orders of the sum of |R_ii| is a
+    # third of the sum of all |R_ij|. This is at least a third of the sum of all R_ij^2, which is
+    # 3 / 3 = 1. If some entry is not 0 or +-1, its size exceeds its square, so the mean is larger
+    # than 1, and the largest sum is too. If all entries are 0 or +-1, the largest sum is 3.
     #
-    # No R_ii is 0, so each has a sign: if R_33 were 0, an exchange of axis 3 with another axis
+    # No R_ii is 0, so each has a sign: if R_33 were 0, an exchange of axis 3 with axis 1 or axis 2
     # would make the sum larger.
     _, order = linear_sum_assignment(-np.abs(R))
     R = R[:, order] * np.sign(np.diag(R[:, order]))
