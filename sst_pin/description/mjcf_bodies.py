@@ -56,8 +56,8 @@ class MjcfBodies:
         """Write the bodies.
 
         Args:
-            mechanism: The robot.
-            tree: Its normal tree.
+            mechanism: The robot, with its own tree.
+            tree: The normal tree of the robot.
             world: The `<worldbody>`.
             end_frames: Names of frames at the ends of closures, lines and ropes.
             with_numbers: Whether joints have friction, rotors, springs and limits.
@@ -73,13 +73,13 @@ class MjcfBodies:
         self.names = _body_names(self._model)
 
         # The base is the world, or a body in it if the base has another name. MuJoCo allows free
-        # bodies in the world only. If there is one, all bodies on the base are written in the
-        # world, so that the order of the joints does not change.
+        # bodies only directly in the world. If one of the bodies on the base is free, they are all
+        # written there, and not in the body of the base, so that they keep their order.
         base = world
         if self.names[0] != "universe":
             base = SubElement(world, "body", name=self.names[0])
         on_base = self._model.children[0]
-        has_free_body = any(_is_free(self._model.joints[joint]) for joint in on_base)
+        has_free_body = any(_is_free_flyer(self._model.joints[joint]) for joint in on_base)
         self.base = world if has_free_body else base
         self.elements = [base] * self._model.njoints  # `_add_body` sets those after the base
         for joint in on_base:
@@ -209,7 +209,7 @@ class MjcfBodies:
         weight_shares = self._mechanism.weight_shares
         if weight_shares is None or index not in self._tree.bodies:
             return
-        number = self._tree.bodies.index(index) - 1
+        number = self._tree.bodies.index(index) - 1  # the shares begin after the base
         inertia = self._model.inertias[index]
         share = float(weight_shares.shares[number])
         offset = weight_shares.offsets[number]
@@ -244,18 +244,18 @@ def _body_names(model: pin.Model) -> dict[int, str]:
 
     # Names of links and points, and those that are at the origin of a body, with its index.
     names_of_frames = {f.name for f in model.frames if f.type in (*POINTS, LINK)}
-    at_origin = {(f.name, f.parentJoint) for f in model.frames if _is_at_joint(f)}
+    at_origin = {(f.name, f.parentJoint) for f in model.frames if _is_at_origin(f)}
     for joint, name in names.items():
         if name in names_of_frames and (name, joint) not in at_origin:
             names[joint] = f"{name}_joint"
     return names
 
 
-def _is_free(joint: Any) -> bool:
+def _is_free_flyer(joint: Any) -> bool:
     """Whether a joint is a free-flyer."""
     return bool(joint.shortname() == "JointModelFreeFlyer")
 
 
-def _is_at_joint(frame: pin.Frame) -> bool:
+def _is_at_origin(frame: pin.Frame) -> bool:
     """Whether a frame, other than the frame of a joint, is at the origin of its body."""
     return frame.type != pin.FrameType.JOINT and bool(frame.placement.isIdentity())
