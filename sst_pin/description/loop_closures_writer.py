@@ -61,7 +61,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         closure_hinges = []
         if isinstance(closure, Closure):
             closure_hinges = _hinges(chain, closure)
-        if not closure_hinges:
+        if not closure_hinges:  # no hinges can replace it, or it is a rod, a wheel or a brake
             problems.append(f"closure {closure}: neither a hinge nor a weld")
         hinges += closure_hinges
     if problems:

@@ -62,12 +62,13 @@ class Cylinder(NamedTuple):
         r_0 = self.radius
         r_1 = self.end_radius
         length = float(np.linalg.norm(axis))
-        x, y, z = axes_along(axis).T
+        x, y, z = axes_along(axis).T  # z is along the axis
         bevel = _BEVEL * min(r_0, r_1, length)
         heights = np.array((0, bevel, length - bevel, length))
         radii = np.array((r_0 - bevel, r_0, r_1, r_1 - bevel))
         unit_circle = _circle(radii.max()) / radii.max()
         circles = [r * unit_circle for r in radii]
+        # `_loops_along` expects the axis of the cylinder first.
         return self.start + _loops_along(heights, circles, axes=np.stack([z, x, y], axis=-1))
 
 
@@ -210,7 +211,7 @@ def _parts(angle: float, largest: float) -> int:
 
 
 def _loops_along(heights: Array, sections: Sequence[Array], axes: Array) -> Array:
-    """Loops through sections at heights along the first axis.
+    """Loops: sections at heights along the first of three axes.
 
     A section has the shape (points, 2), in the second and third axes. The axes are the columns of a
     (3, 3) array.
