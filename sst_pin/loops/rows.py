@@ -10,9 +10,10 @@ An object of this module stands for the rows of one closure, or of a part of one
 
 `rows_of` makes them. They store what does not depend on the configuration; `Loops` evaluates them.
 
-Phi is computed on the normal tree (`NormalTree`), whose rates are S v for the rates v of the model.
-Column k of J, shape (6, rates of the normal tree), is the twist [v; omega], at the world's origin,
-of all bodies that rate k of the normal tree moves, at unit speed.
+Phi is computed on the normal tree: the model with its joints in an order and of types for which
+all functions of Pinocchio are right, see `NormalTree`. Its rates are S v for the rates v of the
+model. Column k of J, shape (6, rates of the normal tree), is the twist [v; omega], at the world's
+origin, of all bodies that rate k of the normal tree moves, at unit speed.
 """
 
 from abc import ABC, abstractmethod
@@ -72,7 +73,10 @@ class FrameRows:
         return self.formulas.error(pair)
 
     def Phi(self, W: Array, J: Array) -> Array:
-        """Jacobian of f, shape (rows, nv): W [J_B; J_A], with W = [W_B, -W_A] of the formulas."""
+        """Jacobian of f, shape (rows, nv): W [J_B; J_A].
+
+        W = [W_B, -W_A], shape (rows, 12), is that of the formulas.
+        """
         return W.dot(self.jacobians(J))
 
     def twists(self, twists_of_rates: Array) -> Array:
@@ -179,8 +183,8 @@ class CouplingRow(JointRow):
     def __init__(self, model: pin.Model, coupling: Coupling, at: slice) -> None:
         super().__init__(model, at)
         self._offset = coupling.offset
-        # The coupling is: joint = offset + sum of the polynomials of the other joints. So f has the
-        # polynomial q for the joint, and minus the others.
+        # The coupling is: joint = offset + sum of the polynomials of the other joints. So
+        # f = joint - offset - sum: P is q for the joint, and minus the polynomial for each other.
         polynomials = {coupling.joint: Polynomial([0.0, 1.0])}
         for name, coefficients in coupling.polynomials.items():
             polynomials[name] = -Polynomial(coefficients)
@@ -193,7 +197,7 @@ class CouplingRow(JointRow):
             rate = joint.idx_v
             self.joints.append(CoupledJoint(joint.idx_q, rate, P, P.deriv(), P.deriv(2)))
             self.touched[rate] = True
-            self.curved[rate] = P.deriv(2).coef.any()  # not if P is linear
+            self.curved[rate] = P.deriv(2).coef.any()  # False if P is linear
 
     def error(self, q: Array) -> float:
         """f."""
