@@ -5,12 +5,12 @@ Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twis
 wrenches [force; moment] have the axes and the origin of the world. The acceleration a = t_dot is
 the rate of a twist t in time. The symbol x is the Lie bracket of twists.
 
-J_i is the twist that rate i of the tree gives, at unit speed, to all bodies after its joint. The
-body that carries this joint has the twist t_i and the acceleration a_i. A frame after the joint has
-the twist t and the acceleration a. Its twist relative to the carrying body is u = t - t_i. Seen
-from the carrying body, u has the rate b = a - a_i - t_i x u.
+J_i is the twist that rate i of the tree gives, at unit speed, to all bodies after joint i, the
+joint of this rate. The carrier is the body before joint i. It has the twist t_i and the
+acceleration a_i. A frame after joint i has the twist t and the acceleration a. Its twist relative
+to the carrier is u = t - t_i. Seen from the carrier, u has the rate b = a - a_i - t_i x u.
 
-A change of q_i, with all v and v_dot held, moves all that is after the joint as one body, with the
+A change of q_i, with all v and v_dot held, moves everything after joint i as one body, with the
 twist J_i. So it turns and shifts u and b, but changes neither t_i nor a_i:
 
     du/dq_i = J_i x u,    db/dq_i = J_i x b.
@@ -26,8 +26,10 @@ The parts of these derivatives that are the same for all frames are c_i and d_i:
     c_i = J_i x t_i,                dt/dq_i = -t x J_i - c_i,
     d_i = J_i x a_i - c_i x t_i,    da/dq_i = -a x J_i + t x c_i - d_i.
 
-The acceleration is a = J v_dot + J_dot v, and J_dot is the sum of v_i dJ/dq_i. So the derivative of
-a by v_i is (dJ/dq_i) v, which is dt/dq_i, plus column i of J_dot.
+The acceleration is a = J v_dot + J_dot v, and J_dot is the sum of v_i dJ/dq_i. So a depends on v_i
+in two ways: by the factor v_i of dJ/dq_i in J_dot, and by entry i of v. The derivative is
+
+    da/dv_i = (dJ/dq_i) v + J_dot e_i = dt/dq_i + column i of J_dot.
 
 `partials` is the main function. `TreeMotion` has c_i and d_i, `FrameMotions` the derivatives of
 twists and accelerations of frames.
@@ -73,8 +75,8 @@ class TreeMotion:
         self.J = np.array(data.J).reshape(6, -1)
         self.J_dot = np.array(data.dJ).reshape(6, -1)
 
-        # Column i has the rates that move the body that carries the joint of rate i; others are 0.
-        # So column i of t is t_i, and that of a is a_i.
+        # Column i of `rates_before` has only the rates that move the carrier of joint i; the other
+        # entries are 0. So J times this column is t_i: column i of t. Column i of a is a_i.
         rates_before = tree.before * rates[:, None]
         accelerations_before = tree.before * accelerations[:, None]
         t = self.J.dot(rates_before)
@@ -111,8 +113,9 @@ class FrameMotions:
     def __init__(
         self, motion: TreeMotion, tree: NormalTree, joints: Sequence[int], places: Array
     ) -> None:
-        # Which rates of the normal tree move each frame, shape (k, 1, rates). Only their columns
-        # count. The product with S gives the columns for the rates of the model.
+        # Which rates of the normal tree move each frame, shape (k, 1, rates). The columns of the
+        # other rates become 0. The rates of the normal tree are S v: so the product with S gives
+        # the columns for the rates v of the model.
         moves = tree.supports[list(joints)][:, None]
         J = (motion.J * moves).dot(tree.S)
         J_dot = (motion.J_dot * moves).dot(tree.S)
@@ -129,12 +132,12 @@ class FrameMotions:
         self.acceleration_q = -a_x @ J + t_x @ c - d
         self.acceleration_v = self.twist_q + J_dot
 
-        # M has the rate hat(t) M, and the derivative hat(J_i) M by q_i; the axis i comes first.
-        J_first = np.moveaxis(J, -1, 0)
-        twist_q_first = np.moveaxis(self.twist_q, -1, 0)
+        # M has the rate hat(t) M, and the derivative hat(J_i) M by q_i. The axis of i comes first.
+        twist_by_rate = np.moveaxis(J, -1, 0)  # J_i of each frame, shape (nv, k, 6)
+        twist_q_by_rate = np.moveaxis(self.twist_q, -1, 0)  # dt/dq_i, shape (nv, k, 6)
         self.M = places
-        self.M_q = hat(J_first) @ places
-        self.M_dot_q = hat(twist_q_first) @ places + hat(self.twist) @ self.M_q
+        self.M_q = hat(twist_by_rate) @ places
+        self.M_dot_q = hat(twist_q_by_rate) @ places + hat(self.twist) @ self.M_q
 
 
 class ClosurePartials(NamedTuple):
@@ -191,7 +194,8 @@ def partials(loops: Loops, q: Array, motion: TreeMotion) -> Partials:
     acceleration_q = np.zeros(loops.touched.shape)
     acceleration_v = np.zeros(loops.touched.shape)
 
-    # The velocity is W t, the acceleration W t_dot + W_dot t, with t = [t_B; t_A].
+    # The velocity of the rows of a closure is W t, with t = [t_B; t_A]. Its rate, the acceleration,
+    # is W t_dot + W_dot t.
     closures: list[ClosurePartials] = []
     for rows in loops.of_frames:
         frames = motion.frames_of(rows.frames)
@@ -206,7 +210,7 @@ def partials(loops: Loops, q: Array, motion: TreeMotion) -> Partials:
         at = rows.at
         velocity_q[at] = W @ t_q + _along(W_q, t)
         acceleration_q[at] = W @ t_dot_q + _along(W_q, t_dot) + W_dot @ t_q + _along(W_dot_q, t)
-        # Derivatives by v: W_q of W_dot = W_q v, and J of t = J v.
+        # By v: W_dot = W_q v has the derivative W_q, and t = J v has the derivative J.
         acceleration_v[at] = W @ t_dot_v + W_dot @ J + _along(W_q, t)
         closures.append(ClosurePartials(rows, frames, W, W_q))
 
