@@ -3,8 +3,8 @@
 
 An assembly mode is one of the solutions of the loops for the same coordinates. A block has rows of
 Phi and the dependent rates that these rows determine together; see `blocks`. Phi_a and Phi_b are a
-block at configurations a and b. The test is on their change D = Phi_a^+ (Phi_b - Phi_a), which is
-free of units.
+block at configurations a and b, and Phi_a^+ is the pseudoinverse of Phi_a. The test is on their
+change D = Phi_a^+ (Phi_b - Phi_a), which is free of units. |D| is its largest singular value.
 
 - If |D| < 1, all matrices between them, Phi_s = Phi_a + s (Phi_b - Phi_a) with 0 <= s <= 1, have
   full column rank, because Phi_a^+ Phi_s = I + s D is regular.
@@ -141,7 +141,8 @@ class Continuity:
             start: The configuration where the step begins.
             path: Gives configurations at fractions of the step.
             limit: Largest condition number of a regular configuration.
-            first: The fraction that is tried first, for example where the motion reverses.
+            first: The fraction that is tried first. A motion that reverses in the step may be long
+                although its ends are close; then it is the fraction where the motion reverses.
             most_steps: A step that needs more configurations raises a ClosureError.
         """
         q = start
@@ -223,9 +224,11 @@ class Continuity:
         """Whether a bound shows, without an SVD, that the condition numbers are below the limit.
 
         The smallest singular value of Phi_b is at least (1 - |D|) times that of Phi_a, where |D| is
-        at most `CHANGE`. The largest one of Phi_b is at most its Frobenius norm. As in
-        `largest_condition`, the usual size of a block takes the place of the largest one if it is
-        larger.
+        at most `CHANGE`. The largest one of Phi_b is at most its Frobenius norm.
+
+        A block with one dependent rate has only one singular value, so that their ratio would
+        always be 1. As in `largest_condition`, this value is compared with the usual size of the
+        block, if that is larger.
         """
         by_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
         for blocks, matrices, smallest in by_shape:
