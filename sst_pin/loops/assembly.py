@@ -34,9 +34,9 @@ from .ranks import free_motions, scaled_Phi
 #: `CLOSURE_TOLERANCE`, so that an assembled configuration counts as closed, and far above the
 #: rounding of long chains.
 _ASSEMBLED = 1e-11
-#: Newton's method takes further steps with a group of closed loops while its error falls. It stops
-#: at this error, which is some roundings of numbers of size one. If the rounding of the group's
-#: positions is larger, it stops there.
+#: Newton's method takes further steps with closed loops while their error falls. It stops at this
+#: error, which is some roundings of numbers of size one, or at the rounding of the positions of the
+#: loops' frames, if that is larger.
 _POLISHED = 1e-4 * _ASSEMBLED
 #: Most steps of Newton's method: steps of `_STRIDE` lead through eight turns of a joint.
 _STEPS = 100
@@ -275,9 +275,9 @@ class Assembly:
         model = self.mechanism.model
         scale = self.mechanism.rate_scale
         step = step.copy()
-        # Groups share no free joint, so that the error of a group depends on its own step only.
-        # Once its error has fallen, a group is never worse again. So the step of a group that is
-        # worse now was halved in each pass, `halvings` times.
+        # Groups share no free joint, so that the error of a group depends on its own step only. A
+        # group whose error has fallen keeps its step, and so its error. Therefore a group that is
+        # worse now was worse in all passes before: its step has been halved `halvings` times.
         halvings = 0
         while True:
             trial = pin.integrate(model, q, step * scale)
@@ -431,7 +431,8 @@ def _shortest(A: Array, right: Array, tolerance: float) -> Array:
     """The shortest x with the least |A x - right|, where A is free of units.
 
     Singular values below `tolerance` times the largest count as zero. If the largest is below one,
-    they are compared with one, which is the natural size of rows that hold a motion.
+    they are compared with one, the usual size of the rows of Phi. If it is far below one, all of
+    them are rounding.
     """
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     rank = np.count_nonzero(s > tolerance * s.max(initial=1.0))
