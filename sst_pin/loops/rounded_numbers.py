@@ -8,8 +8,8 @@ from ..arrays import Array
 #: A number is rounded if it has fewer digits after the point than this.
 _DIGITS = 9
 #: Numbers count as rounded to k digits if more than this part of them have at most k digits after
-#: the point. The other numbers may be products of rounded ones. With 0.1 or 0.5 too, all robots of
-#: tests/loops/test_rounded_numbers.py are corrected.
+#: the point. The other numbers may be products of rounded ones. A choice: also with 0.1 or 0.5, all
+#: robots of tests/loops/test_rounded_numbers.py are corrected.
 _MANY = 0.25
 #: A number counts as whole if it differs by less than this from a whole number. A random number
 #: does so with a probability of 2e-4.
@@ -23,7 +23,7 @@ def half_a_digit(numbers: Array) -> float:
     """
     numbers = np.abs(numbers[np.abs(numbers) > 10.0**-_DIGITS])
     for digits in range(1, _DIGITS):
-        shifted = numbers * 10.0**digits  # whole, if the numbers have this number of digits
+        shifted = numbers * 10.0**digits  # whole, if the numbers have at most `digits` digits
         # Numbers that are almost 0, such as pi - 3.14159, would count as whole.
         shifted = shifted[shifted > _WHOLE]
         is_whole = np.abs(shifted - shifted.round()) < _WHOLE
