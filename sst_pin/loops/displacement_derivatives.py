@@ -19,30 +19,30 @@ def by_displacements(loops: Loops, places: Mapping[str, int | None]) -> Array:
 
     The keys of `places` are names. A value is None for a joint, or the index of a frame. `loops`
     must be evaluated at a configuration.
+
+    If a place moves, the frames B and A of a closure have the twists t_B and t_A, and the errors of
+    the closure have the rate df/dt = W_B t_B - W_A t_A.
     """
     model = loops.model
-    W = loops.W
+    W = loops.W  # [W_B, -W_A], shape (rows, 12)
     F = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
         # Column i of `twists` is the twist [v; omega], at the origin of the world, of a unit rate
         # of displacement i: linear along the axes of the body that carries the place, angular about
         # the axes of the place.
         body, placement = place_of(model, place)
-        carrier = loops.data.oMi[loops.tree.bodies[body]]
+        carrier = loops.data.oMi[loops.tree.bodies[body]]  # the body's joint in the normal tree
         twists = (carrier * placement).action
         twists[:3, :3] = carrier.rotation
         for rows in loops.of_frames:
             frame_b, frame_a = rows.frames  # in the normal tree, which keeps the indices of frames
             moves_b = _moves(model, place, frame, frame_b)
             moves_a = _moves(model, place, frame, frame_a)
-            # df/dt = W [t_B; t_A]
-            W_of_b = W[rows.at, :6]
-            W_of_a = W[rows.at, 6:]
             # A place that moves both frames as one body does not change the closure.
             if moves_b and not moves_a:
-                F[rows.at, k] = W_of_b @ twists
+                F[rows.at, k] = W[rows.at, :6] @ twists  # W_B times the twists of B
             if moves_a and not moves_b:
-                F[rows.at, k] = W_of_a @ twists
+                F[rows.at, k] = W[rows.at, 6:] @ twists  # -W_A times the twists of A
     return F.reshape(len(F), -1)
 
 
