@@ -11,7 +11,7 @@ Terms:
 - A *part* is a set of loops that share no row and no rate with other loops. Parts are corrected one
   after the other.
 - A *place* is a joint or a frame of a closure; see `model/geometry`. The vector d has displacements
-  of all places of a part, [linear; angular] for each place.
+  of all places of a part, [linear; angular] for each place, in lengths of the loop and [rad].
 - The *gap* of a part at a pose is its largest error, free of units. It is 0 if the part is closed
   to the rounding of floats.
 - The *start* is a pose near home, closed as well as possible. The other poses are found around it.
@@ -30,8 +30,9 @@ poses where the loops are closed as well as possible, by least squares. There th
 that rounding makes are orders of magnitude smaller than the others. The rank is the number of the
 others.
 
-Axes may be almost parallel on purpose. So a correction is kept only if the errors of the original
-robot are rounding. `_is_justified` refuses a correction
+The designer of a robot may want axes that are almost, but not exactly, parallel. Such a robot must
+stay as it is: only errors that come from rounded numbers are corrected. `_is_justified` decides
+this. It refuses a correction
 
 1. if the original is far from closed at a pose where the corrected part closes: the correction
    would make another robot;
@@ -89,9 +90,9 @@ _MOTION_STEPS = 3
 #: its error grows with the square of the step; this step is much longer.
 _MOTION = 0.05
 
-# The next three numbers need not be exact: all robots of tests/loops/test_rounded_numbers.py are
-# also corrected if `_RANK_GAP` and `_FAR` are three times smaller or larger, and if `_NOISE` is ten
-# times smaller or larger.
+# The results do not depend much on the next three numbers: all robots of
+# tests/loops/test_rounded_numbers.py are also corrected if `_RANK_GAP` and `_FAR` are three times
+# smaller or larger, and if `_NOISE` is ten times smaller or larger.
 
 #: The rank is clear if the largest singular value that rounding makes is at most this part of the
 #: smallest other one. Then it stays the same even if rounding makes ten times as much.
@@ -157,12 +158,14 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         start = original.start()
         rates = np.arange(mechanism.model.nv)
         # Independent rows cannot contradict each other.
-        suspects = [p for p in original.parts if not original.has_independent_rows(start, p)]
+        suspects = [
+            part for part in original.parts if not original.has_independent_rows(start, part)
+        ]
         if not suspects:
             return mechanism
         # Most parts close without a correction, and a few poses show this.
         poses = [original.closest(start, rates, width) for width in _POSES[:_FIRST_POSES]]
-        suspects = [p for p in suspects if not all(original.closes(q, p) for q in poses)]
+        suspects = [part for part in suspects if not all(original.closes(q, part) for q in poses)]
         if not suspects:
             return mechanism
         poses += [original.closest(start, rates, width) for width in _POSES[_FIRST_POSES:]]
@@ -312,7 +315,7 @@ class _Robot:
         home = home_of(self.mechanism)
         q = pin.neutral(self.mechanism.model) if home is None else home
         for width in _STARTS:
-            open_parts = [p for p in self.parts if self.gap(q, p) > ROUNDED_PLACEMENTS]
+            open_parts = [part for part in self.parts if self.gap(q, part) > ROUNDED_PLACEMENTS]
             if not open_parts:
                 break
             q = self.closest(q, np.concatenate([part.rates for part in open_parts]), width)
@@ -347,12 +350,13 @@ class _Robot:
             if not motions.shape[1]:
                 return False
             # Step in the direction of the motion that is nearest to the random one, and close the
-            # loops again.
+            # loops again. `step` has the rates of the part, free of units.
             along = motions @ (motions.T @ random)
             step = _MOTION * along / np.abs(along).max()
-            rates_step = np.zeros(model.nv)
-            rates_step[rates] = step * scale
-            ahead = self._assembly.closer(pin.integrate(model, q, rates_step), rates)
+            step_of_all_rates = np.zeros(model.nv)
+            step_of_all_rates[rates] = step * scale
+            guess = pin.integrate(model, q, step_of_all_rates)
+            ahead = self._assembly.closer(guess, rates)
             moved = pin.difference(model, q, ahead)[rates] / scale
             if moved.dot(step) < step.dot(step) / 2:
                 return False  # closing the loops leads back by more than half of the step
@@ -434,15 +438,19 @@ class _Robot:
         total = np.zeros(6 * len(places))
         # Each step of Gauss-Newton's method displaces the places, and then moves the joints.
         for _ in range(_STEPS):
-            equations = [robot._equations(q, part, rank, places) for q in poses]
-            error = max(float(np.abs(x.N_f).max(initial=0.0)) for x in equations)
+            equations_of_poses = [robot._equations(q, part, rank, places) for q in poses]
+            # The equations N^T F d = -N^T f of all poses, one pose below the other.
+            N_F = np.vstack([equations.N_F for equations in equations_of_poses])
+            N_f = np.concatenate([equations.N_f for equations in equations_of_poses])
+            error = float(np.abs(N_f).max(initial=0.0))
             if error < _SOLVED:
                 break
-            # The shortest d with N^T (f + F d) = 0 in all poses.
-            N_F = np.vstack([x.N_F for x in equations])
-            N_f = np.concatenate([x.N_f for x in equations])
+            # Their shortest least-squares solution d.
             d = -np.linalg.lstsq(N_F, N_f, rcond=max(_ROUNDED, _NOISE * error))[0]
-            poses = [robot._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
+            poses = [
+                robot._followed(q, part, equations, d)
+                for q, equations in zip(poses, equations_of_poses, strict=True)
+            ]
             robot = robot._displaced(part, places, d)
             total += d
         return robot, total
@@ -559,7 +567,7 @@ def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     for closure in before.closures:
         for row in closure.rows:
             closure_of_row.append(str(closure))
-            turns.append(row.startswith("turn"))
+            turns.append(row.startswith("turn"))  # the name of a row that holds a turn
     of_turns = np.array(turns)
     open_loops = list(dict.fromkeys(np.array(closure_of_row)[errors > 0].tolist()))
     metres, radians = _largest_displacement(before.model, after.model)
