@@ -5,6 +5,9 @@
 - `assemble`: closed configurations near guesses; it is behind `ClosedChain.assemble`.
 - `placed`: a closed configuration with joints at positions, in the assembly mode of the start if
   only coordinates have positions.
+
+Home is the configuration with the name "home" in the description. The example of a robot is a
+closed configuration without symmetry, which is known without a guess (`ClosedLoops.example`).
 """
 
 import math
@@ -68,8 +71,8 @@ def start_of(engine: LoopEngine, *, chosen: bool = False) -> Array:
     """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
     A home with loops that cannot be closed is returned with open loops. Without a home the loops
-    are closed near zero. If they cannot be closed there, the result is a generic configuration. If
-    no configuration closes them, the result is zero, with open loops.
+    are closed near zero. If they cannot be closed there, the result is the example. If there is no
+    example either, the result is zero, with open loops.
 
     Warns:
         DescriptionWarning: If there is no home and the loops had to be closed. Not if `chosen`: the
@@ -114,7 +117,8 @@ def assemble(
     has_options = tries > 1 or limits
     brakes_hold = fixed is None  # also if `fixed` is set to the joints named in q below
 
-    # The guesses, and the rates that may move.
+    # The guesses, and the rates that may move. By default the coordinates stay where they are. If q
+    # names other joints too, all joints that it names stay instead.
     if isinstance(q, Mapping):
         names_only_coordinates = set(q) <= set(mechanism.coordinate_names)
         if names_only_coordinates and fixed is None and not has_options:
@@ -183,7 +187,8 @@ def placed(
         start = finite_array("start", guess, (mechanism.model.nq,))
     with_positions(space, start, positions)  # raises an error for unknown names or bad numbers
 
-    # If only coordinates are named, move them to their positions.
+    # If only coordinates are named, move them to their positions. A position and its rate have the
+    # same name.
     why_not_moved: ClosureError | None = None
     if set(positions) <= set(mechanism.coordinate_rate_names) and engine.loops.are_closed(start):
         try:
