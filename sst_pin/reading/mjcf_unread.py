@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces and inertias in an MJCF that are not read: the dynamics would be wrong without them.
 
-MuJoCo's model has many fields that can cause forces, such as `actuator_damping`. Whether the
-numbers of such a field matter is not derived from MuJoCo's rules; MuJoCo itself tells, by
-`SampledForces`.
+MuJoCo's model has many fields that can cause forces, such as `actuator_damping`. MuJoCo's rules
+for them are not repeated here. Instead `SampledForces` computes MuJoCo's forces at random states,
+with the numbers of a field and with zeros: if the forces differ, the numbers act.
 """
 
 from collections.abc import Iterator
@@ -127,8 +127,9 @@ def _dead_band_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
             yield f"tendon {compiled.name('tendon', tendon)}: {text}"
 
 
-#: What has a yield, by the field of MuJoCo's model. The force of a spring is constant beyond its
-#: yield; random states may miss this, so a yield is a problem wherever it is not zero.
+#: Fields of MuJoCo's model with yields of springs, and what they are in words. Beyond its yield the
+#: force of a spring is constant. Random states may not reach the yield; so these fields are not
+#: judged by `SampledForces`, and each yield that is not zero is a problem.
 _YIELDS = {
     "jnt_springyield": "the yield of a spring",
     "tendon_springyield": "the yield of a tendon's spring",
