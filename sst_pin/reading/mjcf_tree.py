@@ -33,11 +33,12 @@ class _JointKind(NamedTuple):
     joint_model: Any
     #: Indices of its coordinates in `qpos`, in Pinocchio's order.
     addresses: list[int]
-    #: The placement relative to which the joint moves the body. For a hinge, a slide or a ball it
-    #: is the body's placement at `qpos0`, relative to the joint before it. For a free joint it is
-    #: the world, or `reference`.
+    #: Where the motion of the body begins, relative to the joint before it. For a hinge, a slide or
+    #: a ball it is the body's placement at `qpos0`. For a free joint it is the identity, as its
+    #: coordinates are the pose in the world; or `reference`, if rates are locked.
     placement: pin.SE3
-    #: The motion of the joint from `qpos0` to position zero.
+    #: The motion of the joint from `qpos0` to position zero: MuJoCo places the body at `qpos0`,
+    #: Pinocchio at position zero.
     to_zero: pin.SE3 = pin.SE3.Identity()
     #: For a free joint with locked rates: its pose in the world at `qpos0`, where its positions are
     #: zero. None for other joints.
@@ -163,9 +164,10 @@ class MjcfTree:
             series: Series = PartlyLocked(kind.joint_model, dict.fromkeys(locked, 0.0))
         else:
             series = Series.whole(kind.joint_model)
-        # The joint turns about its anchor, a point of the body. The first part is at the anchor of
-        # the body at position zero. Each part moves the next one, and the last part moves the body.
-        # If all rates are locked, there are no parts.
+        # The joint turns about its anchor, a point of the body. The first part of the series is at
+        # this point, placed where it is at position zero. Each part moves the next one. The last
+        # part moves the body, whose frame it has at `anchor.inverse()`. If all rates are locked,
+        # there are no parts.
         mj = self._compiled.mj
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         first_dof = mj.jnt_dofadr[joint]
