@@ -45,7 +45,8 @@ from .states import StateSpace
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
+#: The class of the result of `Engine._derivatives`.
+DerivativesT = TypeVar("DerivativesT", TorqueDerivatives, AccelerationDerivatives)
 
 #: `Quantity`, made once for equal arguments: making one takes as long as a small kernel.
 _key = cache(Quantity)
@@ -546,14 +547,15 @@ class Engine:
     def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
         """D, shape (..., n, n): x_dot = dva + D x for displacements x from a motion.
 
-        A second motion is displaced from a motion by small x in the coordinates, and dva are its
-        rates va minus those of the motion. D differs from zero only if coordinates are rates
-        whose axes turn with the body, such as those of balls. `linearize` uses it.
+        A second motion lies beside a first one: x is its small displacement from the first motion,
+        in the coordinates, and dva are its rates va minus those of the first motion. D differs from
+        zero only if coordinates are rates whose axes turn with the body, such as those of balls.
+        `linearize` uses it.
 
-        In the rates v of all joints the displacement is d = L x. About axes of the body, the second
-        motion has the rates v + d_dot + [v, d] with the bracket [a, b] of twists, because small
-        displacements do not commute. S selects the coordinates: dva = x_dot + S [v, L x]. So column
-        k of D is -S [v, L e_k].
+        The displacement of all joints is d = L x. If the first motion has the rates v about axes of
+        the body, the second one has the rates v + d_dot + [v, d], with the bracket [a, b] of
+        twists, because small displacements do not commute. S selects the coordinates:
+        dva = x_dot + S [v, L x]. So column k of D is -S [v, L e_k].
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
@@ -561,7 +563,7 @@ class Engine:
 
     def _derivatives(
         self,
-        kind: type[D],
+        kind: type[DerivativesT],
         name: Name,
         of_sample: Callable[..., Array],
         shape: tuple[int, int],
@@ -571,7 +573,7 @@ class Engine:
         external_wrenches: Wrenches | None = None,
         sign_width: float = 1e-3,
         **options: Unpack[Options],
-    ) -> D:
+    ) -> DerivativesT:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed.
 
         `vectors` has va, and then aa or tau.
@@ -585,7 +587,7 @@ class Engine:
         if kernel is not None:
             second, third = vectors.values()
             one_thread = 1
-            answer: D | None = kernel.derivatives(kind, q, second, third, one_thread)
+            answer: DerivativesT | None = kernel.derivatives(kind, q, second, third, one_thread)
             if answer is not None:
                 return answer
         # Wrenches at frames add a term, from this slope. The slope and the inertia are computed
