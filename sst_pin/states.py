@@ -244,7 +244,9 @@ class StateSpace:
         if not np.isfinite(Phi).all():
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
-        # `condition` is computed by another formula. Both choices are compared by one formula.
+        # `condition` is that of the diagonal blocks of Phi, see `Continuity`. The diagonal blocks
+        # of the other coordinates are not known yet. So both choices are compared by the condition
+        # number of larger blocks, `Loops.parts`, which is known for any coordinates.
         parts = self._reference.context.loops.parts
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
@@ -384,9 +386,9 @@ class StateSpace:
         longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
         if not isfinite(longest):
             raise StepError(NOT_FINITE)
-        parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))
-        for part in range(1, parts + 1):
-            ahead = pin.integrate(self._mechanism.model, q, part / parts * step)
+        count = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))  # of parts of the step
+        for k in range(1, count + 1):
+            ahead = pin.integrate(self._mechanism.model, q, k / count * step)
             good_space, _ = self.in_good_coordinates(ahead, LARGEST_AT_FIXED_STEP)
             if good_space is not self:
                 return good_space
