@@ -48,10 +48,9 @@ UNSUPPLIED = 1e-8
 #: negative eigenvalues smaller than this part of the largest. Sums over the bodies lose up to four
 #: digits.
 ROUNDING = 1e-12
-#: A coordinate moves no mass if its inertia is below this fraction of a largest one. At the rate 1
-#: of the coordinate the joints have some rates, free of units. If the inertia of the whole robot
-#: moved at each of them, the coordinate would have this largest inertia. Inertia is quadratic in
-#: rates, and a rate below 1e-10 is rounding.
+#: Coordinate k moves no mass if its inertia is below this fraction of I |L e_k|^2. Here I is the
+#: inertia of the whole robot, and L e_k are the rates of the joints, free of units, at the rate 1
+#: of the coordinate. 1e-20 is the square of the rounding of a rate, 1e-10.
 WITHOUT_MASS = 1e-20
 #: A component of a reaction is unique if inner stresses of size one, free of units, change it by at
 #: most this number. Loops that are open by `CLOSURE_TOLERANCE` change it by up to ten times that.
