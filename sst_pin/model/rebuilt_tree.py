@@ -58,8 +58,8 @@ class RebuiltTree(NamedTuple):
 def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> RebuiltTree:
     """The tree with some joints, by number, replaced by series; its joints may come in any order.
 
-    `pin.buildReducedModel` needs joints added depth-first, each with a frame; without these it ends
-    the process.
+    `pin.buildReducedModel` is not used: for a tree whose joints were not added depth-first, or have
+    no frames, it ends the process.
     """
     model = pin.Model()
     model.name = old.name
@@ -108,7 +108,7 @@ def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) 
             for k in carrier.numbers:
                 new = pin.Frame(model.names[k], k, parent_frame, pin.SE3.Identity(), kind)
                 parent_frame = model.addFrame(new, False)
-                new_index[i] = parent_frame  # in the end, of the joint that moves the body
+                new_index[i] = parent_frame  # after the loop: the frame of the last joint
             if carrier.numbers:
                 continue
             # The joint is fixed. Its frame is left out if a fixed frame already has this name:
