@@ -156,8 +156,10 @@ class PartlyLocked(Series):
     def _angle(self, rate: int, q: Array) -> float:
         """The angle of a turn that is no entry of q, [rad]; `rate` is the index of its rate."""
         if self._ball_rates:  # q of a ball or free-flyer ends with the quaternion
-            axes = [self._ball_rates.index(k) for k in self._turns]  # 0 for x
-            return float(_angles(q[-4:], axes)[self._ball_rates.index(rate)])
+            # The rates of a ball are about x, y, z: an axis is the place of a rate among them.
+            order = [self._ball_rates.index(k) for k in self._turns]
+            axis = self._ball_rates.index(rate)
+            return float(_angles(q[-4:], order)[axis])
         cosine, sine = q[-2:]  # q of a planar joint ends with them
         return float(np.arctan2(sine, cosine))
 
@@ -175,9 +177,9 @@ def _single_joints(joint: Any) -> list[Any]:
 
 
 def _angles(quaternion: Array, order: Sequence[int]) -> Array:
-    """Angles about x, y, z of a rotation as turns in an order of axes, such as [1, 2, 0].
+    """Angles about x, y, z, shape (3,), of a rotation as turns in an order of axes.
 
-    Each turn is about the axis that the turns before it have moved.
+    The order [1, 2, 0] is y, z, x. Each turn is about the axis that the turns before it have moved.
     """
     from scipy.spatial.transform import Rotation
 
