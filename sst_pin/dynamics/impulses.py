@@ -61,8 +61,9 @@ _STEPS = 20
 _SERIES = 30
 #: From this series on, a solution need not be exact to rounding.
 _REFINED = 3
-#: Where no impulses solve a step, they grow without bound, and the relative error would become
-#: small. So the error is relative to at most this multiple of the rates u of `_Problem`.
+#: If a step has no solution, its impulses grow without bound, and an error relative to them would
+#: become small. So the error is relative to at most this multiple of the largest rate without
+#: impulses (u of `_Problem`), which has the same unit as an impulse. A choice.
 _LARGEST = 1e3
 #: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T; a choice. The first
 #: one is small beside the regular parts of this matrix. If redundant contacts contradict each
@@ -198,16 +199,20 @@ class _Problem:
                 x = swept
             else:
                 x = self._after_sweeps(best, _SWEEPS)
-            near, error = self._newton(x, _PROXIMAL[series % len(_PROXIMAL)])
+            x, error = self._newton(x, _PROXIMAL[series % len(_PROXIMAL)])
             if error < least:
-                best = near
+                best = x
                 least = error
             if least < _ROUNDING or (least < SOLVED and series >= _REFINED):
                 break
         return best, least
 
     def _newton(self, x: Array, proximal: float) -> tuple[Array, float]:
-        """The best impulses of some steps of Newton's method from x, and their residual."""
+        """The best impulses of some steps of Newton's method from x, and their residual.
+
+        The steps end at a solution to rounding, or at a solution that the next step does not
+        improve.
+        """
         best = x
         least = np.inf
         largest_size = _LARGEST * float(np.abs(self._u).max())
@@ -217,9 +222,9 @@ class _Problem:
             error = float(np.abs(F).max())
             size = float(min(np.abs(x).max(), largest_size))
             if error:
-                error = error / size if size else np.inf  # relative
+                error = error / size if size else np.inf  # relative, see `SOLVED`
             if not error < least and least < SOLVED:
-                break  # a solution that does not become better
+                break
             if error < least:
                 best = x
                 least = error
@@ -243,7 +248,8 @@ class _Problem:
         x = np.where(self._kinds == STOP, np.maximum(y, 0.0), clipped)
         # Contacts: both sides together are shortened to the radius of the cone.
         normal = np.maximum(y[self._normals], 0.0)
-        sides = self._normals[:, None] - [1, 2]  # indices of the sides, shape (contacts, 2)
+        # The sides are the two rows before each normal row; their indices, shape (contacts, 2).
+        sides = np.stack((self._normals - 1, self._normals - 2), axis=1)
         sizes = np.linalg.norm(y[sides], axis=1)
         radius = self._friction * normal
         outside = sizes > radius
