@@ -112,7 +112,9 @@ class Derivatives:
         aa, _ = direct_dynamics(self._context, friction, q, va, tau, wrenches)
         f = self._force_derivatives(friction, q, va, aa, tau, wrenches)
         by_tau = f.L.T.dot(self._context.actuation(q))
-        # f(q, va, aa) - L^T B tau = 0 at all q, va and tau. So f_aa aa_q = -f_q, and so on.
+        # f(q, va, aa) - L^T B tau = 0 at all q, va and tau, also after a change of one of them. Let
+        # f_q, f_va and f_aa be the derivatives of the left side, `f.by_q` and so on. Then
+        # f_aa aa_q = -f_q, f_aa aa_va = -f_va and f_aa aa_tau = L^T B.
         right = np.concatenate((-f.by_q, -f.by_va, by_tau), axis=1)
         return np.linalg.solve(f.by_aa, right)
 
@@ -120,8 +122,12 @@ class Derivatives:
     def axes_move(self) -> bool:
         """Whether a coordinate belongs to a joint with several rates, whose axes can move."""
         tree = self._context.tree
-        several = [joint.nv > 1 for joint in list(tree.model.joints)[1:] for _ in range(joint.nv)]
-        return bool(tree.S[several][:, self._mechanism.coordinates].any())
+        # For each rate of the normal tree, whether its joint has several rates.
+        has_several = list[bool]()
+        for joint in list(tree.model.joints)[1:]:
+            has_several += [joint.nv > 1] * joint.nv
+        # These rates are S v: the entries of S show whether a coordinate changes one of them.
+        return bool(tree.S[has_several][:, self._mechanism.coordinates].any())
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """Rates of displacements that are due to moving joint axes, shape (n, n).
@@ -167,23 +173,27 @@ class Derivatives:
     def _force_derivatives(
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> _ForceDerivatives:
-        """Derivatives of f - L^T B tau by q, va and aa.
+        """Derivatives of f - L^T B tau by q, va and aa; B is `Context.actuation`.
 
         Let F(q, v, v_dot) be the forces that the motion of the tree needs, less those of motors,
         friction, springs, lines and external wrenches: f - L^T B tau = L^T F.
 
-        No derivative of L is needed. Let lambda be the forces of the closures at q: the entries of
-        F - Phi^T lambda for the dependent rates are zero. Keep lambda constant. As L^T Phi^T = 0 at
-        all q, also L^T F = L^T (F - Phi^T lambda). In the derivative, dL^T (F - Phi^T lambda) is
-        zero: the rows of L for the coordinates are constant, and each other row of L meets a zero
-        entry. So d(L^T F) = L^T d(F - Phi^T lambda). Closures act on the tree as loads on their
-        frames.
+        No derivative of L is needed, for this reason:
+
+        1. Let lambda be the forces of the closures at q: the entries of F - Phi^T lambda for the
+           dependent rates are zero. Keep this lambda constant.
+        2. As Phi L = 0 at all q, also L^T F = L^T (F - Phi^T lambda), and the product rule gives
+           d(L^T F) = dL^T (F - Phi^T lambda) + L^T d(F - Phi^T lambda).
+        3. The first term is zero: the rows of L for the coordinates are constant, so that dL has
+           only rows of dependent rates, and these meet the zero entries of step 1.
+
+        So d(L^T F) = L^T d(F - Phi^T lambda): closures act on the tree as loads on their frames.
         """
         context = self._context
         mechanism = self._mechanism
         v, v_dot = context.complement.motion(q, va, aa)  # evaluates L, G and the loops at q
         L = context.complement.L
-        G = context.complement.inverse
+        G = context.complement.inverse  # Phi G b = b, and G b moves the dependent joints only
         motion = TreeMotion(context.loops, v, v_dot)
         rows = partials(context.loops, q, motion)  # step 2
         F = context.tree_forces(v, v_dot)
@@ -220,8 +230,9 @@ class Derivatives:
     def _tree_partials(self, v: Array, v_dot: Array, loads: list[_Load]) -> _TreePartials:
         """Derivatives of RNEA minus the forces J^T w of the loads.
 
-        For Pinocchio, external wrenches turn with their bodies. The loads change by w_q instead, so
-        J^T (w_q - derivative of a wrench that turns) is subtracted.
+        Pinocchio differentiates RNEA for external wrenches that are fixed to their bodies, and turn
+        with them. The loads change by w_q instead. So J^T times the difference, w_q minus the
+        change of a wrench fixed to the body, is subtracted.
 
         Pinocchio takes inertias about the world's origin, which loses digits with the square of the
         distance. So the tree is moved: its last body comes to the origin.
@@ -441,7 +452,8 @@ def _along_coordinates(
 ) -> _ForceDerivatives:
     """The chain rule: derivatives of L^T F, with constant L and the forces F(q, v, v_dot).
 
-    G is `JointComplement.inverse`: Phi G b = b, and G b has zero rates of the coordinates.
+    G is `JointComplement.inverse`: Phi G b = b, and G b has zero rates of the coordinates. So the
+    solution of Phi x = -b without rates of the coordinates is x = -G b.
     """
     # The velocity b = Phi v and the acceleration c = Phi v_dot + Phi_dot v of the rows are zero.
     # Their derivatives along L: b_q L + Phi v_q = 0 and c_q L + c_v v_q + Phi v_dot_q = 0.
