@@ -81,14 +81,16 @@ class JointComplement:
         self._scale_of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
         #: Factors that make L free of units, shape (nv, n).
         self._scale_of_L = per_coordinate / per_rate[:, None]
+        # Entry (i, k) of `touched` says whether row i of Phi depends on rate k.
+        row_count, nv = loops.touched.shape
         self.blocks = [
             _Block(mechanism, *part) for part in connected(loops.touched[:, mechanism.dependent])
         ]
-        self.inverse = np.zeros(loops.touched.T.shape)
+        self.inverse = np.zeros((nv, row_count))
         # Rows of square blocks are not redundant. Others may be: rows of blocks with more rows than
         # rates, and rows without a dependent rate.
         in_square_blocks = sum(len(b.rates) for b in self.blocks if len(b.rows) == len(b.rates))
-        self._redundant = in_square_blocks < len(loops.touched)
+        self._redundant = in_square_blocks < row_count
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute L at q; the loops must be closed up to a tolerance."""
@@ -196,10 +198,11 @@ class JointComplement:
     def _allowed(self) -> float:
         """Largest allowed violation of a redundant row, free of units, for rates va of size 1.
 
-        A row of Phi is violated if Phi is not that of closed loops. Loops that are open by f
-        displace dependent joints by up to f times the condition number. The entries of Phi are up
-        to `_largest`, so Phi changes by up to `_largest` times this displacement. It is multiplied
-        by the rates of the joints, which are up to the largest entry of L.
+        Redundant rows agree with the other rows only where the loops are closed. Loops that are
+        open by f displace dependent joints by up to f times the condition number. The entries of
+        Phi are up to `_largest`, so Phi changes by up to `_largest` times this displacement. The
+        violation is this change times the rates of the joints, which are up to the largest entry
+        of L.
         """
         openness = np.abs(self._row_scale * self._loops.f).max()
         condition = self._largest / min(self._smallest, default=1.0)
@@ -349,7 +352,7 @@ def bodies(loops: Loops, v: Array, weight_shares: WeightShares | None) -> Bodies
     """K, K_dot, M, Omega and w^g at rates v of the tree.
 
     `weight_shares` is not None if only a share s of a body's weight acts. This weight s m g has the
-    moment m d x g about the mass centre, with an offset d of the body.
+    moment m d x g about the mass centre. The offset d of the body has the axes of its joint.
     """
     model = loops.model
     S = loops.tree.S
