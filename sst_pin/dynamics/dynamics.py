@@ -195,7 +195,11 @@ class Context:
         self.loops.evaluate_closed(q, self.mechanism.row_scale, tolerance)
 
     def actuation(self, q: Array) -> Array:
-        """B at q, motors on lines included: forces on the tree are B tau, shape (nv, motors)."""
+        """B at q, motors on lines included: forces on the tree are B tau, shape (nv, motors).
+
+        A motor on a line pushes the ends of the line apart if its force is positive, so the force
+        acts along the rate J v of the length.
+        """
         B = self.mechanism.actuation
         on_lines = self.mechanism.lines.actuation
         if not on_lines.any():
@@ -253,11 +257,12 @@ class Context:
 def whole_inertia(mechanism: Mechanism) -> float:
     """The size of the whole robot's inertia, [kg m^2], with which coordinates are compared.
 
-    It is the sum of three parts:
-    - all masses, also those that move with the lengths of lines, times the square of the robot's
-      length;
-    - the trace of each body's inertia about the origin of its own joint;
-    - the rotors, each times the square of its rate's scale.
+    It is the sum of three parts, for joints that all move at the rate 1, free of units:
+
+    - masses move by about the robot's length: all masses, also those that move with the lengths of
+      lines, times the square of this length;
+    - bodies turn: the trace of each body's inertia about the origin of its own joint;
+    - rotors turn: the inertia of each rotor times the square of its rate's scale.
     """
     model = mechanism.model
     mass = mechanism.lines.masses.sum()
