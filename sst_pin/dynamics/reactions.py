@@ -36,8 +36,8 @@ from .dynamics import Context, applied_forces, tensions_in_motion
 from .noc import mass_centers
 
 #: Stiffnesses do not determine an inner stress that acts in rigid parts only: it has no elastic
-#: energy. A singular value s in `_relaxed` stands for the energy s^2 / 2. If it is below this part
-#: of the largest one, it is rounding.
+#: energy. A singular value s in `_relaxed` stands for the energy s^2 / 2 of a stress. A singular
+#: value below this part of the largest one is rounding, so its stress counts as one without energy.
 _RESISTED = 1e-9
 #: Largest error of R^T R for the axes R of a user. Numbers that are written with six digits pass.
 _RIGHT_ANGLES = 1e-5
