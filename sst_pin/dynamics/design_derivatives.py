@@ -427,10 +427,12 @@ class Design:
         by_q_va_aa = self._larger.torque_derivatives(
             x, np.append(va, at_rest), np.append(aa, at_rest), wrenches, sign_width
         )
-        # The rows are the coordinates, then the leaders, and so are the columns for q, which come
-        # before those for va and aa. Forces on the robot's coordinates, by q of the leaders:
-        derivatives = by_q_va_aa[:n, n : n + leaders] @ directions
+        # The rows are forces on the robot's n coordinates, then on the leaders. The first columns
+        # are derivatives by q: of the robot's n coordinates, then of the leaders.
+        by_leaders = by_q_va_aa[:n, n : n + leaders]
+        derivatives = by_leaders @ directions
         if at_frames is not None:
+            # f are the forces that a motion needs besides external ones: these are subtracted.
             derivatives -= self._moment_derivatives(x, at_frames) @ directions
         if self._theta_directions.any():
             derivatives += self._robot.torque_regressor(q, va, aa) @ self._theta_directions
