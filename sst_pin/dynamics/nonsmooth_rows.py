@@ -93,7 +93,8 @@ class NonsmoothRows:
     def _require_cable_alone(self, motor: int) -> None:
         """Refuse gains of a motor that pulls a cable and acts on anything else.
 
-        The gains are part of the cable's stiffness and damping, for one cable only.
+        The gains are added to the cable's stiffness and damping. This has the same effect as the
+        gains only if the motor acts on this cable alone.
         """
         mechanism = self.mechanism
         on_cables = mechanism.lines.actuation[self.cables, motor]
@@ -242,7 +243,8 @@ class NonsmoothRows:
         """Positions of the motors, shape (motors,).
 
         The position of a motor is the sum of the positions of its joints, from the neutral
-        configuration, and of the lengths of its lines, each times the factor of its force.
+        configuration, and of the lengths of its lines. Each of them is multiplied by the force that
+        the motor gives to this joint or line per unit of torque, its entry in `actuation`.
         """
         model = self.mechanism.model
         displacement = pin.difference(model, pin.neutral(model), q)
