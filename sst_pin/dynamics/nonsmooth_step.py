@@ -9,9 +9,10 @@ three parts:
 
        (M + h D + h^2 C) va = M va_0 + h f(q, v_0).
 
-   M is the mass matrix in the coordinates, f are the forces at the beginning, and D and C are the
-   damping and the stiffness of joints, of lines that also push, and of the gains of motors. So
-   their forces are those at the end of the step: the step is implicit in them.
+   M is the mass matrix in the coordinates. f are the forces at the beginning, without the forces
+   of dampers and of rows. D and C are the damping and the stiffness of joints, of lines that also
+   push, and of the gains of motors. With D and C in the equation, dampers and springs have their
+   forces at the end of the step: the step is implicit in these forces.
 2. `impulses` computes the impulses of the rows, which change the free rates.
 3. The configuration is moved along these rates, and Newton's method closes the loops.
 
@@ -42,8 +43,8 @@ from .nonsmooth_rows import NonsmoothRows
 class Forces(NamedTuple):
     """Torques, positions of motors and wrenches that act in a step.
 
-    A motor gives tau + stiffness (positions - its position) - damping times its rate, with the
-    gains `MotorGains`.
+    A motor gives tau + stiffness (position to hold - present position) - damping rate, with the
+    rate of the motor and with stiffness and damping of `MotorGains`.
 
     Attributes:
         tau: Torques of the motors besides those of their gains, shape (motors,).
@@ -398,7 +399,9 @@ class NonsmoothStep:
 def _point_jacobian(J: Array, lever: Array) -> Array:
     """Linear Jacobian of a point of a body, shape (3, nv).
 
-    J is that of a frame of the body, [linear; angular], and `lever` the vector from the frame to
-    the point, in base axes.
+    J is the Jacobian of a frame of the body, [linear; angular], and `lever` the vector from the
+    frame to the point, in base axes. If the frame has the twist [v; omega], the point has the
+    velocity v - lever x omega.
     """
+    # The cross product of `lever` with each column of the angular Jacobian.
     return J[:3] - np.cross(lever, J[3:], axisb=0, axisc=0)
