@@ -183,7 +183,11 @@ class Reference(threading.local):
         return self.derivatives.accelerations(sign_width, q, va, tau, external_wrenches)
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
-        """Rates of a displacement that moving joint axes cause, shape (n, n)."""
+        """Rates at which moving joint axes change displacements of the coordinates, shape (n, n).
+
+        Column k belongs to a displacement along coordinate k. It is zero unless a joint has axes
+        that move with it, such as a ball; see `Derivatives.displacement_rates`.
+        """
         return self.derivatives.displacement_rates(q, va)
 
     def reactions(
@@ -331,7 +335,9 @@ class Reference(threading.local):
         model = self.mechanism.model
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
         energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
-        # Less the part of the weights that does not act, by its first moment about the origin.
+        # This counts the whole weight of each body. On some bodies a part of the weight does not
+        # act. The energy of this part is subtracted: minus its first moment about the origin times
+        # the gravity g.
         for body, (mass, *moment) in self.mechanism.weightless_parts.items():
             placement = context.data.oMi[context.tree.bodies[body + 1]]
             at_origin = mass * placement.translation + placement.rotation @ moment
