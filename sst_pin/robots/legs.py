@@ -226,6 +226,7 @@ def leg(
         foot_mass=foot_mass,
     )
     joints = partial(_leg_joints, (thigh, shank), knee_drive, ankle_drives)
+    # At home the knee is bent: the ankle is almost below the hip, at 0.9 of the length of the leg.
     place = np.array([0.025 * (thigh + shank), 0.0, -0.9 * (thigh + shank)])
     motors = ["hip", "motor_knee", "motor_left", "motor_right"]
     return GalleryRobot(tree, closures, motors, joints, pin.SE3(_pitch_roll(0.1, 0.05), place))
