@@ -82,6 +82,7 @@ def scissor_lift(
     add_zigzag(on_slider, "slider", HERE)
     closures = [Closure(f"middle_of_a_{k}", f"middle_of_b_{k}", "3d") for k in range(1, cells + 1)]
     closures += [Closure("corner", "tip", "3d")]
+    # At home the arms rise by 0.5 rad.
     home = UPRIGHT * shift((0, cells * arm * np.sin(0.5)))
     return GalleryRobot(tree, closures, ["slider"], partial(_lift_joints, cells, arm), home)
 
