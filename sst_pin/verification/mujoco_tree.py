@@ -71,7 +71,7 @@ class MujocoTree:
             self.mj.body_inertia[body] = principal_axes(inertia.inertia)[0]
 
     def move(self, q: Array, v: Array) -> "_MujocoMotion":
-        """See `Tree.move`."""
+        """Put the tree at q with the rates v; returns its motion, valid until the next call."""
         # MuJoCo's rates are qvel = S v, its accelerations qacc = S dv + S_dot v.
         S = np.zeros((self.mj.nv, self._model.nv))
         S_dot_v = np.zeros(self.mj.nv)
@@ -145,7 +145,7 @@ class _MujocoMotion:
         self._armature = armature
 
     def frame(self, name: str) -> FrameMotion:
-        """See `TreeMotion.frame`."""
+        """Placement and motion of a frame of the model, for the rates v."""
         J_mujoco, J_dot_mujoco = self._tree.jacobian(name)
         J = J_mujoco @ self._S
         # J_dot v is d/dt (J_mujoco S) v.
@@ -153,8 +153,8 @@ class _MujocoMotion:
         return FrameMotion(self._tree.placement(name), J, J @ self._v, drift)
 
     def forces(self, dv: Array) -> Array:
-        """See `TreeMotion.forces`."""
-        # Forces that do the same work: S^T times MuJoCo's.
+        """Joint forces for accelerations dv, from inertia and weight, shape (nv,)."""
+        # S^T takes MuJoCo's forces to forces along the rates v, which do the same work.
         force: Array = self._S.T @ self._tree.inverse(self._S @ dv + self._S_dot_v)
         # MuJoCo's model has no armature, because its joints may have other rates.
         return force + self._armature * dv
