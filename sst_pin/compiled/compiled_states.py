@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 # A step of a rollout is *sound* if the kernels can tell that it stays in its assembly mode. Phi_u
 # are the columns of Phi for the dependent rates.
-#: det Phi_u changes by no more than this factor in half a sound step.
+#: det Phi_u changes by less than this factor from the start of a sound step to its middle, and from
+#: there to its end.
 CHANGE = 1.25
-#: Longest Newton step that closes the loops in the middle of a sound step, relative to `TRAVEL`.
+#: In the middle of a sound step, a Newton step closes the loops. It is at most this part of the
+#: largest motion of a joint in a sound step, `continuity.TRAVEL`.
 NEARBY = 0.02
 
 # Newton's method onto the closures leads to the nearest closed configuration if its steps start
@@ -84,7 +86,8 @@ class CompiledStateSpace(StateSpace):
         for _ in range(_MOST_CLOSING_STEPS):
             rows, were_closed = _closing_steps(self._closing, rows)
             if were_closed:
-                rows, _ = _closing_steps(self._closing, rows)  # the last step
+                # As above, a second step after loops that were closed suffices.
+                rows, _ = _closing_steps(self._closing, rows)
                 return rows.reshape(q.shape)
         return super().closed(states)
 
@@ -218,11 +221,12 @@ class CompiledStateSpace(StateSpace):
             return False
 
     def _falls(self, determinants: Array) -> Flags:
-        """States where |det Phi_u| falls to a new level, shape (N, steps + 1).
+        """States where |det Phi_u| is smaller than before by a level or more, shape (N, steps + 1).
 
         The usual size of |det Phi_u| is the largest one of the motion and of the robot's example.
-        Level k begins at half of the usual size, divided by `CHANGE`^k. Each level counts once in a
-        motion, so that a motion along a dead point costs few tests.
+        |det Phi_u| is at level k if it is between half of the usual size divided by `CHANGE`^k and
+        divided by `CHANGE`^(k + 1). Only states count whose level is higher than the level of every
+        state before, so that a motion along a dead point costs few tests.
         """
         sizes = np.abs(determinants)  # NaN for states that the kernel has not computed
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
