@@ -6,7 +6,8 @@
 - `library` makes the sources of a library from these functions and from *templates*. Templates are
   files of the folder `c`; their blanks, such as ${name}, get the texts and numbers of a kernel.
 
-Arrays of the functions:
+In the C, `number` is one number and `real` one number or a vector of numbers (c/real.h). Arrays of
+the functions:
 
     x   the inputs of a sample, one after the other
     p   the symbolic parameters, then constants that are computed from them alone
@@ -330,7 +331,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     if not sources.functions:
         return [first_source]
     once, *passes = sources.functions
-    # The function that runs once computes one sample: its numbers have one lane.
+    # The function that runs once computes one sample. With one lane, its `real` is `number`.
     once_source = f"#undef LANES\n#define LANES 1\n{head}\n{once}"
     return [first_source, once_source, *(f"{head}\n{text}" for text in passes)]
 
