@@ -254,7 +254,7 @@ class Checks:
             violations.append(self._row_scale[i] * (Phi_dot_v + Phi_x))
         r_squared = total(violation**2 for violation in violations)
         v_squared = total((rate / float(scale[j])) ** 2 for j, rate in e.v.items())
-        x_squared = total((rate / float(scale[j])) ** 2 for j, rate in x.items())
+        x_squared = total((entry / float(scale[j])) ** 2 for j, entry in x.items())
         excess = r_squared / self._largest_violation**2 - v_squared**2 - x_squared
         return [excess / _NEGLIGIBLE**2]
 
