@@ -178,6 +178,8 @@ def _displacement_rates(e: Equations, checks: Checks) -> KernelParts:
 
 def _reduced_terms(e: Equations, checks: Checks) -> KernelParts:
     """Mass matrix, Coriolis matrix, forces of gravity with springs, forces of friction."""
+    # Forces that the motors need against weights (without rates and accelerations), springs and
+    # friction. The terms are the forces of weights, springs and friction, hence the signs below.
     gravity = e.projected_by_L(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
     friction = e.projected_by_L(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
