@@ -138,6 +138,7 @@ def read_start(
         joints = _joint_positions(engine.mechanism, table)
         q0 = {name: float(positions[0]) for name, positions in joints.items()}
     names = [*engine.mechanism.coordinate_names, *_joints_with_brakes(engine.mechanism)]
+    names = list(dict.fromkeys(names))  # each once: for a braked line, coordinates are in both
     missing = [name for name in names if name not in q0]
     if missing:
         cure = f"give --q0 {_example_of_option(names)}"

@@ -450,6 +450,13 @@ def test_a_file_of_a_robot_with_a_braked_line_needs_columns_of_all_joints():
     with pytest.raises(FileFormatError, match=r"no columns .* where brakes hold"):
         read_motion(chain.engine, file)
 
+    # The error of a start names each joint once.
+    table = read_table(io.BytesIO(b"t_s\n0\n1\n"))
+    with pytest.raises(FileFormatError, match="for the initial positions") as caught:
+        read_start(chain.engine, table, {})
+    for name in chain.position_names:
+        assert str(caught.value).count(f"{name}=") == 1
+
 
 def test_the_regressor_of_a_held_robot_has_a_column_for_each_parameter_and_no_row():
     bar = robots.four_bar()
