@@ -97,8 +97,14 @@ def contacts_of(robot: ClosedChain, forces: Array) -> dict[str, Any]:
     return _curve_set("contacts", "contact ", names, names, ["N"] * len(names), sizes)
 
 
-def forces_of(names: Sequence[str], forces: Array, unique: Flags) -> dict[str, Any]:
-    """The set of sizes of the unique forces in joints and closures, for shape (n, count, 3)."""
-    shown = [names[k] for k in np.flatnonzero(unique).tolist()]
-    sizes = np.linalg.norm(forces[:, unique], axis=2)
+def forces_of(names: Sequence[str], forces: Array, is_drawn: Flags) -> dict[str, Any]:
+    """The set of sizes of forces in joints and closures.
+
+    Args:
+        names: Names of all joints and closures.
+        forces: Their forces, shape (n, count, 3).
+        is_drawn: The forces that have a curve, shape (count,).
+    """
+    shown = [names[k] for k in np.flatnonzero(is_drawn).tolist()]
+    sizes = np.linalg.norm(forces[:, is_drawn], axis=2)
     return _curve_set("reactions", "joint and closure ", shown, shown, ["N"] * len(shown), sizes)

@@ -96,9 +96,10 @@ def reaction_forces(
         w = engine.reactions(q, va, aa, tau, stiffness)
         # Wrenches are [force; moment]; components that are not unique are NaN.
         forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
-        # Whether each component of each force is not unique in some sample, shape (forces, 3).
+        # True for each component that is not unique in some sample, shape (forces, 3).
         is_unknown = np.isnan(forces).any(axis=0)
-        # Largest number of directions in which each force is not unique, of all samples.
+        # For each force the number of directions along which it is not unique, 0 to 3: the largest
+        # number of all samples.
         unknown_directions = np.zeros(len(w.names))
         if is_unknown.any():
             # In a planar robot the unique parts are the forces in its plane.
@@ -106,15 +107,16 @@ def reaction_forces(
             unknown_directions = counts.max(axis=0)
     except (ActuationError, ClosureError, SingularConfigurationError) as error:
         return ShownForces(None, [], f"No reactions: {error}")
-    # A force is drawn if a part of it is unique in all samples.
+    # A force is drawn if a part of it is unique in all samples. The others count as zero.
     is_drawn = unknown_directions < 3
-    forces = np.where(is_drawn[:, None], forces, 0.0)
-    largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0))
+    drawn_forces = np.zeros_like(forces)
+    drawn_forces[:, is_drawn] = forces[:, is_drawn]
+    largest = float(np.linalg.norm(drawn_forces, axis=2).max(initial=0.0))
 
     curves = []
     notes = []
     if is_drawn.any():
-        curves.append(forces_of(w.names, forces, is_drawn))
+        curves.append(forces_of(w.names, drawn_forces, is_drawn))
         if largest == 0:
             notes.append("No forces in joints.")
         else:
@@ -128,7 +130,7 @@ def reaction_forces(
             not_unique.append(name + _directions(is_unknown[k], int(unknown_directions[k])))
     if not_unique:
         notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
-    return ShownForces(forces / (largest or 1.0), curves, " ".join(notes))
+    return ShownForces(drawn_forces / (largest or 1.0), curves, " ".join(notes))
 
 
 def _directions(is_unknown: Flags, count: int) -> str:
