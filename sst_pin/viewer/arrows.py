@@ -110,6 +110,7 @@ def reaction_arrows(robot: ClosedChain, layout: EffortLayout, scale: float) -> I
         number = k - 1
         shape = Shape(str(k), "reactions", f"{number}", mesh, _FORCE, at=largest)
         yield ForceArrow(shape, first=layout.reaction(number))
+    # The number of the first closure follows the numbers of the joints.
     for number, closure in enumerate(robot.closures, model.njoints - 1):
         if isinstance(closure, (Coupling, Brake)):
             continue
@@ -143,7 +144,8 @@ def contact_spheres(places: Sequence[ContactPlace]) -> Iterator[Shape]:
             mover = str(place.frame.parentJoint)
             at = place.frame.placement.homogeneous
             ball = solid(coal.Sphere(place.radius))
-            yield Shape(mover, "contacts", f"sphere_{place.node}", ball, GREY, 0.5, at)
+            name = f"sphere_{place.node}"
+            yield Shape(mover, "contacts", name, ball, GREY, opacity=0.5, at=at)
 
 
 def contact_arrows(

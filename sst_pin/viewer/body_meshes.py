@@ -34,9 +34,10 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
         parts = {colour_of_body: whole}
     for i, (colour, mesh) in enumerate(parts.items()):
         name = f"{body.name}_{i}" if len(parts) > 1 else body.name
+        mover = str(body.parentJoint)
         opacity = float(body.meshColor[3])
         at = body.placement.homogeneous
-        yield Shape(str(body.parentJoint), "bodies", name, mesh, colour, opacity, at)
+        yield Shape(mover, "bodies", name, mesh, colour, opacity=opacity, at=at)
 
 
 def _coloured_parts(body: pin.GeometryObject, whole: Mesh, default: str) -> dict[str, Mesh]:

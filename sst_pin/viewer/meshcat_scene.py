@@ -164,7 +164,7 @@ def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]
     A = np.array(matrices)[:, :3, :3]
     scale = np.linalg.norm(A, axis=1)
     scale[np.linalg.det(A) < 0, 1] *= -1
-    R = A / scale[:, None, :]
+    R = A / scale[:, None, :]  # each column of each matrix is divided by its scale
     position = np.array(matrices)[:, :3, 3]
     for name, kind, values in (
         ("position", "vector3", position),

@@ -37,7 +37,8 @@ def mean_forces(forces: Array, samples: Indices) -> Array:
     """
     # sums[k] is the sum of the forces of the first k steps, which end at sample k.
     sums = np.concatenate([np.zeros_like(forces[:1]), np.cumsum(forces, axis=0)])
-    means = np.diff(sums[samples], axis=0) / np.diff(samples)[:, None, None]
+    steps = np.diff(samples).reshape(-1, 1, 1)  # number of steps between two samples of the page
+    means = np.diff(sums[samples], axis=0) / steps
     return np.concatenate([forces[:1], means])
 
 

@@ -104,7 +104,8 @@ def _wheels(robot: ClosedChain) -> Iterator[Shape]:
             wheel = coal.Sphere(r) if closure.ball else coal.Cylinder(r, 0.1 * r)
             mover = str(frame.parentJoint)
             at = frame.placement.homogeneous
-            yield Shape(mover, "skeleton", f"wheel_{frame.name}", solid(wheel), GREY, 0.5, at)
+            name = f"wheel_{frame.name}"
+            yield Shape(mover, "skeleton", name, solid(wheel), GREY, opacity=0.5, at=at)
 
 
 def _end_frames(robot: ClosedChain) -> Iterator[pin.Frame]:
@@ -163,4 +164,5 @@ def masses(model: pin.Model) -> Iterator[Shape]:
         radii = np.sqrt(squares.clip(_THINNEST * squares.max()))
         at = homogeneous(R, inertia.lever)
         name = f"mass_{model.names[joint]}"
-        yield Shape(str(joint), "inertia", name, ellipsoid(radii, 2), _MASS, 0.45, at)
+        mesh = ellipsoid(radii, fineness=2)
+        yield Shape(str(joint), "inertia", name, mesh, _MASS, opacity=0.45, at=at)

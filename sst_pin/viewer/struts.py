@@ -30,7 +30,8 @@ def struts(robot: ClosedChain, axes: Sequence[RateAxis], size: float) -> Iterato
     """
     line = tube([(0, 0, 0), (0, 0, 1)], BONE_RADIUS * size)
 
-    # Struts between two frames: what has the frames, and its shape.
+    # Struts between two frames. Each pair is a part of the robot, which has the names `frame_a` and
+    # `frame_b`, and the shape of its strut.
     pairs: list[tuple[Distance | LineForce | Rope, Shape]] = list(_line_forces(robot, size))
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
     for k, rod in enumerate(rods):

@@ -41,11 +41,10 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     # A circle about each point, connected by faces.
     binormals = np.cross(tangents, normals)
     angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    cosines = np.cos(angles)[:, None]
-    sines = np.sin(angles)[:, None]
     circles = []
     for point, radius, normal, binormal in zip(points, radii, normals, binormals, strict=True):
-        directions = cosines * normal + sines * binormal  # shape (sides, 3)
+        # From the point to each corner of the cross-section, shape (sides, 3).
+        directions = np.outer(np.cos(angles), normal) + np.outer(np.sin(angles), binormal)
         circles.append(point + radius * directions)
     vertices, faces = lofted(np.stack(circles))
     # `lofted` returns first one triangle of each rectangle of the wall, along the whole line, then
