@@ -15,7 +15,7 @@ from .triangles import arrow
 _XYZ = ("#C0392B", "#27AE60", "#2E5FA8")
 
 
-def labelled(
+def axes_with_labels(
     robot: ClosedChain, axes: Sequence[RateAxis], point: DrawnFrame | None, size: float
 ) -> tuple[list[Shape], list[Label]]:
     """Arrows along the axes of joints and frames, and the labels of these and of `point`.

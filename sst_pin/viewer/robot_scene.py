@@ -17,7 +17,7 @@ from .arrows import (
     reaction_arrows,
     torque_arrows,
 )
-from .axis_labels import labelled
+from .axis_labels import axes_with_labels
 from .body_meshes import body_shapes
 from .rate_axes import RateAxis, axes_of
 from .scene_parts import EffortLayout, ForceArrow, ForceMark, Shape, TorqueArrow, transform
@@ -106,7 +106,7 @@ class Scene:
             colours.setdefault(rate_axes[rate].joint, HUES[motor % len(HUES)])
         self.struts = list(struts(robot, rate_axes, size))
         self.contacts = contact_places(robot)
-        axes_and_frames, self.labels = labelled(robot, rate_axes, self.point, size)
+        axes_and_frames, self.labels = axes_with_labels(robot, rate_axes, self.point, size)
         self.shapes = [
             *shapes_of_bodies,
             *skeleton(robot, rate_axes, colours, size),
@@ -280,7 +280,7 @@ class Scene:
                 if points_of_body:
                     points.append(transform(np.array(points_of_body), pose))
         diagonal = np.linalg.norm(np.ptp(np.vstack(points), axis=0))
-        return float(diagonal) / 4 or 1.0
+        return float(diagonal) / 4 or 1.0  # 1 m for a robot whose points are all the same
 
 
 def _farthest(points: Array) -> Array:

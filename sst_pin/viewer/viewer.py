@@ -151,7 +151,7 @@ class Viewer:
             effort[:, :motors] = 1.0
         self._set_panel(
             title="configuration",
-            checked=q[0],
+            configuration_or_motion=q[0],
             q=q[0],
             va=zero_rates[0],
             outermost_points=self._scene.outermost_points(q, effort),
@@ -231,7 +231,7 @@ class Viewer:
             layers = layers | {"ghost": True}
         self._set_panel(
             title=title,
-            checked=states,
+            configuration_or_motion=states,
             q=states.q[0],
             va=states.va[0],
             outermost_points=points,
@@ -404,7 +404,7 @@ class Viewer:
         self,
         *,
         title: str,
-        checked: Trajectory | Array,
+        configuration_or_motion: Trajectory | Array,
         q: Array,
         va: Array,
         outermost_points: Array,
@@ -418,7 +418,7 @@ class Viewer:
 
         Args:
             title: Title of the page.
-            checked: The motion or configuration that the warnings are about.
+            configuration_or_motion: What the warnings are about.
             q: The configuration at which a live page starts, shape (nq,).
             va: The rates at which it starts, shape (n,).
             outermost_points: The points that the camera must see, shape (k, 3).
@@ -433,7 +433,7 @@ class Viewer:
         self._panel = {
             "title": title,
             "robot": robot.mechanism.model.name,
-            "warnings": warnings_of(robot, checked),
+            "warnings": warnings_of(robot, configuration_or_motion),
             "t": np.asarray(t).tolist(),
             "speed": speed,
             "colours": HUES,
