@@ -126,8 +126,8 @@ def equal_area(directions: ArrayLike, middle: ArrayLike) -> Array:
     axes = np.stack([right, np.cross(ahead, right)], axis=-1)
     # Lambert's projection: with the cosine c of the angle from the middle, components in the plane
     # of the map are multiplied by sqrt(2 / (1 + c)).
-    cosine = s @ ahead
-    return np.asarray(s @ axes * np.sqrt(2 / (1 + cosine))[..., None])
+    cosine = (s @ ahead)[..., None]  # shape (..., 1)
+    return np.asarray(s @ axes * np.sqrt(2 / (1 + cosine)))
 
 
 def reach_map(

@@ -26,6 +26,8 @@ from .style import Axes
 
 #: A path is planar if its extent along one axis of the base is at most this part of its largest.
 _PLANAR = 1e-6
+#: Margin around the sphere, as a share of its radius.
+_MARGIN = 0.15
 #: Line styles of the paths; the wanted path is drawn first, below the others.
 PATHS: tuple[dict[str, Any], ...] = (
     {"color": "0.8", "linewidth": 4},
@@ -184,15 +186,16 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
         ax.plot(*carriage.T, color=colour, linewidth=6, solid_capstyle="butt")
         # The arc from E through R_k: a quarter circle in the plane with the normal n_k, in which
         # -n_k x s is the direction from E towards R_k.
-        angles = np.linspace(0, np.pi / 2, 60)[:, None]
+        angles = np.linspace(0, np.pi / 2, 60)
         s = legs.s[k]
-        arc = star * (np.cos(angles) * s - np.sin(angles) * np.cross(legs.n[k], s))
+        towards_R = -np.cross(legs.n[k], s)
+        arc = star * (np.outer(np.cos(angles), s) + np.outer(np.sin(angles), towards_R))
         ax.plot(*arc.T, color=colour, linewidth=1.8)
         # The label is beside the plane of the arc, so that the arc does not cross it.
         beside = 1.12 * carriage[1] + 0.2 * star * legs.n[k]
         ax.text(*beside, f"$R_{k + 1}$", color=colour, ha="center", va="center")
     E = star * legs.s[0]
-    ax.plot(*E[:, None], "o", color="black", markersize=4)
+    ax.plot([E[0]], [E[1]], [E[2]], "o", color="black", markersize=4)
     ax.text(*(E + star / 8 * np.array((1, -1, 0))), "$E$", ha="center", va="center")
     _equal_space(ax, robot, star, robot.geometry.R_0[:, :, 0])
     ax.set_axis_off()
@@ -226,10 +229,11 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     """Set view and limits of 3-D axes with equal scales, for a sphere about O.
 
     The axes show only the octant x, y, z > 0 of the paper if the directions s, shape (N, 3), stay
-    within it. The margin is 0.15 radii.
+    within it, up to a margin.
     """
-    in_octant = s.min() > -0.15
-    limits = np.array((-0.15 if in_octant else -1.15, 1.15)) * radius
+    in_octant = s.min() > -_MARGIN
+    lowest = -_MARGIN if in_octant else -1 - _MARGIN
+    limits = np.array((lowest, 1 + _MARGIN)) * radius
     # The step between the numbers at an axis: 1, 2 or 5 times a power of ten. With less than 1 /
     # 2.7 of the radius the numbers would overlap.
     least_step = radius / 2.7
