@@ -214,7 +214,7 @@ def run(argv: Sequence[str] | None) -> int:
             # By default Python shows a warning of one place only once.
             warnings.simplefilter("always", DescriptionWarning)
             warnings.showwarning = lambda message, *_, **__: tell("warning", message)
-            return function(arguments) or 0
+            return function(arguments) or 0  # some commands return None after success
     except SSTError as error:
         tell("error", " ".join(str(error).split()))
         return 2

@@ -56,7 +56,7 @@ def identify(arguments: argparse.Namespace) -> int:
     unseen = motion[end_of_fit:]
 
     # The combinations of parameters that motions show, their values, and bodies that have them.
-    base = identification.base_parameters(robot, _considered(robot, arguments.which, masses))
+    base = identification.base_parameters(robot, _patterns(robot, arguments.which, masses))
     estimate = identification.estimate(
         robot,
         base,
@@ -148,8 +148,8 @@ def _with_masses(robot: ClosedChain, masses: Mapping[str, float]) -> ClosedChain
     return robot.with_parameters(theta) if masses else robot
 
 
-def _considered(robot: ClosedChain, which: str | None, masses: Mapping[str, float]) -> list[str]:
-    """Names of the parameters that are considered, or patterns of them.
+def _patterns(robot: ClosedChain, which: str | None, masses: Mapping[str, float]) -> list[str]:
+    """Names, or patterns of names, of the parameters that are considered.
 
     By default these are masses, first moments and moments of inertia of bodies, friction, and the
     parameters of forces along lines. If a motor acts on a line, only the line's damping is
@@ -166,12 +166,12 @@ def _considered(robot: ClosedChain, which: str | None, masses: Mapping[str, floa
     if not masses:
         return patterns
     known = {f"{body}.mass" for body in masses}
-    considered = []
+    names = []
     for name in robot.dynamic_parameters.names:
         fits = any(fnmatchcase(name, pattern) for pattern in patterns)
         if fits and name not in known:
-            considered.append(name)
-    return considered
+            names.append(name)
+    return names
 
 
 def _urdf_writers(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:

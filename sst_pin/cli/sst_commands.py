@@ -82,7 +82,7 @@ def describe(arguments: argparse.Namespace) -> None:
         options = {name for name, value in vars(arguments).items() if value is not None}
         changes_sst = bool(options - _COMMON)
         if changes_sst:
-            robot = SST(_changed(common.sst_of(arguments).parameters, arguments))
+            robot = SST(_with_options(common.sst_of(arguments).parameters, arguments))
         write_mjcf(robot, output, arguments.force)
         print(f"{robot.mechanism.model.name or 'robot'} with closed loops -> {output}")
         return
@@ -91,13 +91,13 @@ def describe(arguments: argparse.Namespace) -> None:
     common.require_extras(mesh="trimesh", plot="matplotlib")
     from ..plots.paper_figures import picture_writers
 
-    p = _changed(common.sst_of(arguments).parameters, arguments)
+    p = _with_options(common.sst_of(arguments).parameters, arguments)
     files = description_writers(p, configurations_of(p)) | picture_writers(p)
     write_files({output / n: write for n, write in files.items()}, arguments.force, folder=output)
     print(f"{len(files)} files -> {output}")
 
 
-def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
+def _with_options(p: Parameters, arguments: argparse.Namespace) -> Parameters:
     """The parameters, changed by the options.
 
     Options with the name of a parameter replace it; the others are angles in degrees, and masses.
