@@ -254,7 +254,8 @@ class Parameters(_Values):
         if problems:
             raise ParametersError(problems)
         v = self.base_directions
-        values["base_directions"] = _frozen(v / np.linalg.norm(v, axis=1)[:, None], "")
+        unit_vectors = v / np.linalg.norm(v, axis=1, keepdims=True)
+        values["base_directions"] = _frozen(unit_vectors, "base_directions")
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         angles = _numbers(np.degrees(self.arc_angles))
@@ -305,7 +306,7 @@ class Parameters(_Values):
     def actuated_axes(self) -> Array:
         """e_k = v_k x v_{k+1}, normalised, rows of a (3, 3) array (Sect. 2)."""
         e = np.cross(self.base_directions, np.roll(self.base_directions, -1, axis=0))
-        return e / np.linalg.norm(e, axis=1)[:, None]
+        return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
 
     def _problems(self) -> Iterator[str]:
         """Why no SST has these parameters."""
@@ -317,10 +318,10 @@ class Parameters(_Values):
                 well_shaped.add(name)
         if "base_directions" in well_shaped:
             v = self.base_directions
-            lengths = np.linalg.norm(v, axis=1)
+            lengths = np.linalg.norm(v, axis=1, keepdims=True)
             if not lengths.all():
                 yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
-            elif abs(np.linalg.det(v / lengths[:, None])) < _SMALLEST_TRIPLE:
+            elif abs(np.linalg.det(v / lengths)) < _SMALLEST_TRIPLE:
                 yield "base_directions: v_1, v_2, v_3 lie in one plane"
         if "arc_angles" in well_shaped:
             yield from _angle_problems(self.arc_angles)

@@ -134,7 +134,7 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
 def _motors(p: Parameters, scale: float) -> Iterator[Solid]:
     """Motors on the ball at O, their shafts along e_k."""
     for axis in _outside(p) * p.actuated_axes:
-        # Housing, two flanges and shaft.
+        # Housing, two flanges and shaft: distances from O to both ends, and radius.
         for start, end, radius in (
             (0.034, 0.085, _MOTOR),
             (0.085, 0.089, 0.8 * _MOTOR),
