@@ -56,6 +56,7 @@ _DERIVATIVES_BY_COLUMNS = 1.5
 _LEAST_FOR_ARTICULATED = 8
 #: Above this number of coordinates articulated bodies take fewer operations.
 _MOST_FOR_WHOLE = 40
+
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 
@@ -105,10 +106,11 @@ class Equations:
         model = mechanism.model
         self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        # For the forces of the tree, link 0 accelerates against gravity. For rows of closures its
-        # acceleration is arbitrary: a row subtracts the accelerations of two frames. Derivatives by
-        # displacements need forces and rows together. With the same acceleration in both, forces
-        # and rows have expressions in common. For a scissor lift this saves operations.
+        # The acceleration of link 0 in the rows of closures. It is arbitrary, because a row
+        # subtracts the accelerations of two frames; by default it is zero. In the forces of the
+        # tree, link 0 accelerates against gravity. Derivatives by displacements need rows and
+        # forces together. With the same acceleration they have expressions in common. This saves
+        # operations, for instance for a scissor lift.
         acceleration = None
         if displaced:
             acceleration = -self.p[GRAVITY]
@@ -200,7 +202,10 @@ class Equations:
         return ca.vertcat(*result)
 
     def projected_by_L(self, tau: Sparse) -> SX:
-        """L^T tau as a product, for several tau or if L is computed anyway."""
+        """L^T tau as a product with L.
+
+        It takes fewer operations than `projected` for several tau, or if L is needed anyway.
+        """
         return self.L_matrix.T @ column(tau, self._rates)
 
     @cached_property
@@ -299,7 +304,8 @@ class Equations:
     def motor_columns(self) -> list[Sparse]:
         """Columns of B: forces along the rates of the tree by a unit torque of each motor.
 
-        The torque of a motor on a line is a pull along this line.
+        A motor on a line pushes its ends apart. The forces that a push exerts are those that an
+        equal pull needs (`TreeDynamics.along_lines`).
         """
         pairs = zip(self.mechanism.actuation.T, self.mechanism.lines.actuation.T, strict=True)
         columns = []
@@ -350,7 +356,10 @@ class Equations:
 
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
-        """Factors of (L^T B)^T, and the largest of each of their `squares` in the samples."""
+        """Factors of (L^T B)^T, and the largest of each of their `squares` in the samples.
+
+        The matrix has a row for each motor and a column for each coordinate.
+        """
         motors = range(len(self.mechanism.motor_names))
         rows_of_transpose: list[dict[int, Any]] = [{} for _ in motors]
         for i, row in enumerate(self.motor_rows):
@@ -380,7 +389,7 @@ class Equations:
             ML = ca.horzcat(*(column(x, self._rates) for x in forces))
         else:
             ML = symmetric(self.tree.composite_inertia(self._hanging_loops), len(self._rates)) @ L
-        return ca.triu2symm(ca.triu(L.T @ ML))
+        return ca.triu2symm(ca.triu(L.T @ ML))  # computes no entry twice
 
     @property
     def derivatives_by_columns(self) -> bool:
@@ -450,8 +459,9 @@ class Equations:
     @cached_property
     def inertia_factors(self) -> SymmetricFactors | ArticulatedBodies:
         """L^T M L, factorised in the way that takes fewer operations."""
+        # Coordinates that move the same loops form a group. The mass of a line couples all rates
+        # that change its length.
         lines = self.tree.lines
-        # The mass of a line couples all rates that change its length.
         coupled = (lines[k].row for k in self.parameters.line_masses(self.p))
         all_groups = groups(self.kinematics.tree, self.L, coupled)
         n = len(self._coordinates)
