@@ -207,7 +207,7 @@ class ArticulatedBodies:
             for place, k in enumerate(group.coordinates):
                 self.diagonal[k] = elimination.rigid_diagonal[place]
                 self.inverses[k] = elimination.D.inverses[place]
-            if group.base:
+            if group.base:  # nobody needs the inertia of the ground, link 0
                 rigid, reduction = self._inertia_at_base(group, inertias)
                 reduction = reduction + _symmetric(elimination.F @ elimination.base_gain)
                 inertias[group.base] = _LinkInertia(rigid, reduction)

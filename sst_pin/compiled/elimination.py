@@ -204,9 +204,10 @@ class Factors:
         return True
 
     def pivot_check(self, sizes: Array) -> Any:
-        """A number that is more than 1 if a pivot is less than `_SMALL` times its size in samples.
+        """A number that is more than 1 if a pivot is too small.
 
-        It is the sum of (`_SMALL` size / pivot)^2.
+        A pivot is too small if it is less than `_SMALL` times its largest size in the samples. The
+        number is the sum of (`_SMALL` size / pivot)^2.
 
         Args:
             sizes: The largest size of each pivot in the samples.
@@ -321,9 +322,10 @@ class Orthogonal:
         return [square**0.5 for square in self.squares]
 
     def pivot_check(self, sizes: Array) -> Any:
-        """A number that is more than 1 if a column of Q is shorter than `_SMALL` times its length.
+        """A number that is more than 1 if a column of Q is too short.
 
-        This length is that in the samples. The number is the sum of (`_SMALL`^2 size / square)^2.
+        A column is too short if its length is less than `_SMALL` times its largest length in the
+        samples. The number is the sum of (`_SMALL`^2 size / square)^2.
 
         Args:
             sizes: The largest squared length of each column of Q in the samples.

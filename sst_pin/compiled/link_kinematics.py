@@ -118,7 +118,7 @@ class Kinematics:
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self._displacements: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
-        # These make the expressions for a base and a link once.
+        # `cache` keeps the result for each base and link, so that each expression is made once.
         self.pose = cache(self._pose)
         self._undisplaced_pose = cache(self._undisplaced_pose_of)
         self._link_displacement = cache(self._link_displacement_of)
@@ -306,7 +306,7 @@ class Kinematics:
     def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> LinkMotion:
         """Motion of a link relative to one of its ancestors."""
         last_v, last_dv, motions = self._last_motions
-        # Nobody changes v and dv, so the same dictionaries mean the same motion.
+        # No caller changes v and dv afterwards, so the same dictionaries mean the same motion.
         if last_v is not v or last_dv is not dv:
             motions = {}
             self._last_motions = v, dv, motions

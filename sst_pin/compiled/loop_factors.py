@@ -142,11 +142,11 @@ class LoopFactors:
     ) -> dict[int, float]:
         """Scales of all independent rows, if a component needs them all; empty if it does not.
 
-        In a sample, only as many rows are independent as there are columns. The other rows follow
-        from them. If they follow with the same coefficients in all samples, the same rows can be
-        left out everywhere. Then the component with its samples side by side, shape
-        (rows, samples * columns), has no more independent rows than one sample. Otherwise it has
-        more of them, and no choice of rows is regular everywhere.
+        In one sample, as many rows are independent as there are columns; the other rows are linear
+        combinations of them. If the coefficients are the same in all samples, the same rows can be
+        left out everywhere. Then the matrix of all samples side by side, shape
+        (rows, samples * columns), has no more independent rows than one sample. If it has more, no
+        choice of rows is regular everywhere.
 
         Args:
             values: Phi_u in the samples, of `_Phi_u_at_samples`.
