@@ -74,19 +74,19 @@ def _groups(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[
 
 def _connected(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[int]]:
     """Parts of the coordinates: coordinates of different parts move no link in common."""
-    parts: list[tuple[list[int], set[int]]] = []
+    parts: list[tuple[list[int], set[int]]] = []  # coordinates, and the links that they move
     for k in coordinates:
         # Coordinate k joins all parts with which it moves a link in common to one part.
         members = [k]
         links = set(moved[k])
-        others = []
-        for part in parts:
-            if part[1].isdisjoint(moved[k]):
-                others.append(part)
+        separate = []
+        for members_of_part, links_of_part in parts:
+            if links_of_part.isdisjoint(moved[k]):
+                separate.append((members_of_part, links_of_part))
             else:
-                members = part[0] + members
-                links = links | part[1]
-        parts = [*others, (members, links)]
+                members = members_of_part + members
+                links = links | links_of_part
+        parts = [*separate, (members, links)]
     return [sorted(members) for members, _ in parts]
 
 
