@@ -104,8 +104,8 @@ _Results = dict[Place, SX]
 _Along = Callable[[SX], tuple[_Results, list[Any]]]
 
 
-class _ByDirections(NamedTuple):
-    """The symbols of one quantity by directions, from which `make` makes a kernel."""
+class _QuantitySymbols(NamedTuple):
+    """What `make` needs of one quantity: symbols, and the function along a direction."""
 
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
@@ -191,7 +191,7 @@ def _joint_rates(e: Equations, direction: SX) -> Sparse:
 # --- dynamics -----------------------------------------------------------------------------------
 
 
-def _torque_derivatives(e: Equations, checks: Checks) -> _ByDirections:
+def _torque_derivatives(e: Equations, checks: Checks) -> _QuantitySymbols:
     """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
     n = len(e.L)
     width = 3 * n
@@ -199,14 +199,14 @@ def _torque_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     tree = symbolic_derivatives.TreeDerivatives(e, e.aa, no_torques)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
-        by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
-        by_aa, of_inertia = symbolic_derivatives.of_inertia_along(e, checks, tree, direction)
+        by_q, by_va, more_checks = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
+        by_aa, inertia_checks = symbolic_derivatives.of_inertia_along(e, checks, tree, direction)
         results = _in_column(by_q, width, 0)
         results |= _in_column(by_va, width, n)
         results |= _in_column(by_aa, width, 2 * n)
-        return results, more + of_inertia
+        return results, more_checks + inertia_checks
 
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va, "aa": e.aa, "external_wrenches": e.loads},
         size=n * width,
         width=width,
@@ -216,7 +216,7 @@ def _torque_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     )
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
+def _acceleration_derivatives(e: Equations, checks: Checks) -> _QuantitySymbols:
     """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
     n = len(e.L)
     motors = e.tau.numel()
@@ -226,12 +226,12 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
 
     def forces_along(direction: SX) -> tuple[_Results, list[Any]]:
         """-f_q and -f_va. The last step multiplies all columns by the inverse inertia matrix."""
-        by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
-        return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
+        by_q, by_va, more_checks = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
+        return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more_checks
 
     def accelerations_along(direction: SX) -> tuple[_Results, list[Any]]:
         """Derivatives of aa, solved by articulated bodies for each direction."""
-        by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
+        by_q, by_va, more_checks = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
         solutions = factors.solve(ca.horzcat(-by_q, -by_va, direction))
         # The third solution is a column of the inverse inertia matrix, which is symmetric. So it is
         # also a row, and row k of the derivatives by tau is this row times L^T B.
@@ -239,7 +239,7 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
         results = _in_column(solutions[:, 0], width, 0)
         results |= _in_column(solutions[:, 1], width, n)
         results |= _in_row(by_tau, width, 2 * n)
-        return results, more
+        return results, more_checks
 
     along = accelerations_along
     once = dict[int, SX]()
@@ -250,7 +250,7 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
         for i in range(n):
             for motor in range(motors):
                 once[i * width + 2 * n + motor] = e.motor_matrix[i, motor]
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va, "tau": e.tau, "external_wrenches": e.loads},
         size=n * width,
         width=width,
@@ -273,7 +273,7 @@ def _solution(factors: SymmetricFactors) -> Solution:
     )
 
 
-def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
+def _displacement_rates(e: Equations, checks: Checks) -> _QuantitySymbols:
     """D of `Engine.displacement_rates`, shape (n, n)."""
     n = len(e.L)
 
@@ -281,7 +281,7 @@ def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
         column_of_D = symbolic_derivatives.displacement_rates_along(e, _joint_rates(e, direction))
         return _in_column(column_of_D, n, 0), []
 
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va},
         size=n * n,
         width=n,
@@ -291,7 +291,7 @@ def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
     )
 
 
-def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
+def _reduced_terms(e: Equations, checks: Checks) -> _QuantitySymbols:
     """Inertia matrix, Coriolis matrix, forces of gravity with springs, forces of friction.
 
     The shapes are (n, n), (n, n), (n,) and (n,).
@@ -303,18 +303,18 @@ def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
         L_dot, right = e.rates_of_change(L, e.Phi_dot)
         inertial = e.tree.forces({}, L, loads=False, weight=False)
         coriolis = e.tree.coriolis_forces(e.v, L, L_dot)
-        more = checks.unsolved(L, {}) + checks.unsolved(L_dot, right)
-        more += checks.unbalanced(inertial) + checks.unbalanced(coriolis)
+        more_checks = checks.unsolved(L, {}) + checks.unsolved(L_dot, right)
+        more_checks += checks.unbalanced(inertial) + checks.unbalanced(coriolis)
         results = _in_column(e.projected(inertial), n, 0)
         results |= _in_column(e.projected(coriolis), n, n * n)
-        return results, more
+        return results, more_checks
 
     gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v))
     friction = e.tree.friction(e.v)
     terms = ca.vertcat(-e.projected(gravity), -e.projected(friction))
     once_checks = checks.of_rates + checks.of_steady_motion
     once_checks += checks.unbalanced(gravity) + checks.unbalanced(friction)
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va},
         size=2 * n * (n + 1),
         width=n,
@@ -324,23 +324,22 @@ def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
     )
 
 
-def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
+def _torque_regressor(e: Equations, checks: Checks) -> _QuantitySymbols:
     """Y, shape (n, p): row k has the derivatives of f_k by all parameters of the regressor.
 
     f_k is the power of the forces of the tree along L e_k.
     """
     nv = e.mechanism.model.nv
-    blocks = e.parameters.by_parameters()
-    sizes = [block.shape[1] for block in blocks]
-    motors = len(e.motor_columns)
-    width = sum(sizes) + nv + motors
+    blocks = e.parameters.by_parameters()  # derivatives of p by the parameters
+    offsets = nv + len(e.motor_columns)  # one for each rate and each motor
+    width = sum(block.shape[1] for block in blocks) + offsets
     forces = column(e.tree_forces, range(nv))
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
         L = _joint_rates(e, direction)
         rates = column(L, range(nv))
-        by_numbers = ca.gradient(ca.dot(rates, forces), e.p).T
-        *bodies_and_joints, lines = (by_numbers @ ca.sparsify(ca.DM(block)) for block in blocks)
+        by_p = ca.gradient(ca.dot(rates, forces), e.p).T  # derivatives of f_k, shape (1, size of p)
+        *bodies_and_joints, lines = (by_p @ ca.sparsify(ca.DM(block)) for block in blocks)
         # The derivative by the offset of a joint force is the rate of the joint, the derivative by
         # the offset of a motor torque is the rate of the motor.
         motor_rates = []
@@ -349,7 +348,7 @@ def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
         row = ca.horzcat(*bodies_and_joints, rates.T, lines, *motor_rates)
         return _in_row(row.T, width), checks.unsolved(L, {})
 
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va, "aa": e.aa},
         size=len(e.L) * width,
         width=width,
@@ -359,7 +358,7 @@ def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
     )
 
 
-QUANTITIES: dict[str, Callable[[Equations, Checks], _ByDirections]] = {
+QUANTITIES: dict[str, Callable[[Equations, Checks], _QuantitySymbols]] = {
     "torque_derivatives": _torque_derivatives,
     "acceleration_derivatives": _acceleration_derivatives,
     "displacement_rates": _displacement_rates,
@@ -371,7 +370,7 @@ QUANTITIES: dict[str, Callable[[Equations, Checks], _ByDirections]] = {
 # --- frames -------------------------------------------------------------------------------------
 
 
-def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
+def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _QuantitySymbols:
     """The Jacobian J of a frame, shape (6, n)."""
     n = len(e.L)
 
@@ -380,19 +379,19 @@ def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
         velocity = frame_velocities.velocity(e, frame, L)
         return _in_column(velocity, n, 0), checks.unsolved(L, {})
 
-    return _ByDirections(inputs={"q": e.q}, size=6 * n, width=n, along=along, once={}, checks=[])
+    return _QuantitySymbols(inputs={"q": e.q}, size=6 * n, width=n, along=along, once={}, checks=[])
 
 
-def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _ByDirections:
+def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _QuantitySymbols:
     """The rate J_dot of the Jacobian of a frame, shape (6, n)."""
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
         L = _joint_rates(e, direction)
-        rate, more = frame_velocities.rate_of_column(e, checks, frame, L)
-        return _in_column(rate, n, 0), checks.unsolved(L, {}) + more
+        rate, more_checks = frame_velocities.rate_of_column(e, checks, frame, L)
+        return _in_column(rate, n, 0), checks.unsolved(L, {}) + more_checks
 
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va},
         size=6 * n,
         width=n,
@@ -402,19 +401,19 @@ def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _ByDirecti
     )
 
 
-def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _ByDirections:
+def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _QuantitySymbols:
     """Derivatives of the velocity J va by q and va side by side, shape (6, 2 n)."""
     n = len(e.L)
     width = 2 * n
 
     def along(direction: SX) -> tuple[_Results, list[Any]]:
         L = _joint_rates(e, direction)
-        by_q, more = frame_velocities.derivative_along(e, checks, frame, L)
+        by_q, more_checks = frame_velocities.derivative_along(e, checks, frame, L)
         by_va = frame_velocities.velocity(e, frame, L)
         results = _in_column(by_q, width, 0) | _in_column(by_va, width, n)
-        return results, checks.unsolved(L, {}) + more
+        return results, checks.unsolved(L, {}) + more_checks
 
-    return _ByDirections(
+    return _QuantitySymbols(
         inputs={"q": e.q, "va": e.va},
         size=6 * width,
         width=width,
@@ -424,7 +423,7 @@ def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _By
     )
 
 
-FRAMES: dict[str, Callable[[Equations, Checks, str], _ByDirections]] = {
+FRAMES: dict[str, Callable[[Equations, Checks, str], _QuantitySymbols]] = {
     "frame_jacobian": _frame_jacobian,
     "frame_jacobian_rate": _frame_jacobian_rate,
     "frame_velocity_derivatives": _frame_velocity_derivatives,
