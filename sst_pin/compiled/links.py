@@ -126,7 +126,8 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
     kind = _KINDS.get(short, "")
 
     # The twists S are constant, so Pinocchio evaluates the joint at neutral coordinates. In the
-    # vector that it gets, the coordinates of the joint begin at `idx_q`.
+    # vector that it gets, the coordinates of the joint begin at `idx_q`; a joint of a series that
+    # is in no model has idx_q = -1.
     data = joint.createData()
     neutral = _NEUTRAL.get(kind, [0.0])
     joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), neutral]))
@@ -144,7 +145,8 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
         R=clean(placement.rotation),
         p=clean(placement.translation),
         kind=kind,
-        q=range(q, q + (joint.nq or 1)),  # a mimic joint has nq = 0 and reads one of the other
+        # A mimic joint has nq = 0. It reads one coordinate, that of the joint that it follows.
+        q=range(q, q + (joint.nq or 1)),
         v=range(v, v + S.shape[1]),
         S=clean(S),
     )

@@ -144,12 +144,12 @@ def _place(k: int) -> str:
     return f"w{k // _REACH}[{k % _REACH - _REACH // 2}]"
 
 
-def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[str]]:
+def pieces(lines: Sequence[str], largest: int = LARGEST) -> list[Sequence[str]]:
     """Statements in one piece if there are at most `largest`, else in pieces of at most `_PART`.
 
-    The pieces have equal lengths. By default `largest` is `LARGEST`.
+    The pieces have equal lengths; the last one may be shorter.
     """
-    if len(lines) <= (largest or LARGEST):
+    if len(lines) <= largest:
         return [lines]
     count = -(-len(lines) // _PART)  # rounded up
     size = -(-len(lines) // count)  # rounded up

@@ -123,8 +123,10 @@ class SymbolicParameters:
         names = [f"gravity.{axis}" for axis in "xyz"] + ["sign_width"]
         names += [f"{mechanism.model.names[i]}.{x}" for i in self.bodies for x in moments]
         for quantity in _JOINT:
-            of = space.position_names if quantity == "spring_reference" else space.rate_names
-            names += [f"{of[k]}.{quantity}" for k in self.joints[quantity]]
+            # References of springs are positions.
+            is_position = quantity == "spring_reference"
+            places = space.position_names if is_position else space.rate_names
+            names += [f"{places[k]}.{quantity}" for k in self.joints[quantity]]
         of_lines = ("stiffness", "rest_length", "damping", "preload")
         names += [f"{force}.{x}" for force in mechanism.lines.forces for x in of_lines]
         names += [f"{mechanism.lines.forces[k]}.mass" for k in self.massive_lines]
@@ -193,7 +195,7 @@ class SymbolicParameters:
 
 
 def _next(start: int, count: int) -> slice:
-    """The places of `count` numbers from index `start` on."""
+    """The places in p of `count` numbers from index `start` on."""
     return slice(start, start + count)
 
 
