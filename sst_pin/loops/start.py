@@ -6,8 +6,8 @@
 - `placed`: a closed configuration with joints at positions, in the assembly mode of the start if
   only coordinates have positions.
 
-Home is the configuration with the name "home" in the description. The example of a robot is a
-closed configuration without symmetry, which is known without a guess (`ClosedLoops.example`).
+Home is the configuration with the name "home" in the description. The example is a closed
+configuration without symmetry that the robot finds itself, see `ClosedLoops.example`.
 """
 
 import math
@@ -132,22 +132,25 @@ def assemble(
         free = mechanism.dependent
     else:
         free = _other_rates(mechanism, names("fixed", fixed))
+    only_dependent_move = np.array_equal(free, mechanism.dependent)
 
     def assembled(guess: Array) -> Array:
         """The assembly of one guess, shape (nq,)."""
         start = _configuration(mechanism, guess)
-        if not has_options and np.array_equal(free, mechanism.dependent):
-            return engine.closed(start)
+        if only_dependent_move and not has_options:
+            return engine.closed(start)  # by a kernel, if there is one
         assembly = engine.loops.assembly
 
-        def from_starts(free: Indices) -> Array:
-            return assembly.try_starts(start, free, tries, seed, limits=limits)
+        def from_starts(moving: Indices) -> Array:
+            return assembly.try_starts(start, moving, tries, seed, limits=limits)
 
-        return assembly.holding_brakes(free, from_starts) if brakes_hold else from_starts(free)
+        if brakes_hold:
+            return assembly.holding_brakes(free, from_starts)
+        return from_starts(free)
 
     if guesses.ndim > 1 and guesses.shape[-1] in (model.nq, model.nv):
         return for_each_sample(assembled, [guesses], (1,), (model.nq,))
-    return assembled(guesses)
+    return assembled(guesses)  # one guess; another shape is an error
 
 
 def _configuration(mechanism: Mechanism, guess: Array) -> Array:
