@@ -206,16 +206,16 @@ def _justified_correction(
     original, and then corrected on `corrected`.
     """
     # Poses where the part is closed as far as rounded placements allow.
-    closed = [q for q in [start, *poses] if original.gap(q, part) <= ROUNDED_PLACEMENTS]
-    rank = _rank_of_overconstrained(original, part, closed)
+    near_closed = [q for q in [start, *poses] if original.gap(q, part) <= ROUNDED_PLACEMENTS]
+    rank = _rank_of_overconstrained(original, part, near_closed)
     if rank is None:
         return None  # its rank is not clear, or its rows are independent
-    regular = [q for q in closed if original.rank(q, part) == rank]
+    regular_poses = [q for q in near_closed if original.rank(q, part) == rank]
     # A few poses of an exact loop may stay open, if no closed pose is near them. So the part needs
-    # no correction if it closes in at least half of the poses.
-    if np.median([original.gap(q, part) for q in regular]) == 0:
+    # no correction if it closes in more than half of the poses: then the median of the gaps is 0.
+    if np.median([original.gap(q, part) for q in regular_poses]) == 0:
         return None
-    correction = _find_correction(corrected, part, rank, start, regular)
+    correction = _find_correction(corrected, part, rank, start, regular_poses)
     if correction is None:
         return None  # no small displacement makes it close
     if not _is_justified(correction, original, part, start):
@@ -267,22 +267,22 @@ def _find_correction(
     open in a regular one of them, the next try has these poses too.
     """
     corrected = robot
-    fitting = list(poses)
+    poses_to_close = list(poses)
     total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
         # The poses were found with earlier placements. `with_displacements` closes them again.
-        corrected, displacements = corrected.with_displacements(fitting, part, rank)
+        corrected, displacements = corrected.with_displacements(poses_to_close, part, rank)
         total += displacements
         # The direction of a random step depends on its width: each try has other poses.
         widths = [0.0, *(_CHECKS + k / 100)]
         checks = [corrected.closest(start, part.rates, width) for width in widths]
         # A pose with a larger gap has no closed pose near it. A pose of lower rank is singular.
-        closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
-        regular = [q for q in closed if corrected.rank(q, part) == rank]
-        if regular and all(corrected.gap(q, part) == 0 for q in regular):
+        near_closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
+        regular_poses = [q for q in near_closed if corrected.rank(q, part) == rank]
+        if regular_poses and all(corrected.gap(q, part) == 0 for q in regular_poses):
             size = float(np.abs(total).max(initial=0.0))
-            return _Correction(corrected, size, poses=regular)
-        fitting += regular
+            return _Correction(corrected, size, poses=regular_poses)
+        poses_to_close += regular_poses
     return None
 
 
