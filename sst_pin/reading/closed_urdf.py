@@ -134,7 +134,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
 
     # Motors; in an open tree without motors each joint has one.
     motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
-    open_tree = ""
+    open_tree = ""  # the warning of an open tree; empty for a robot with loops
     is_open_tree = not cuts.source and not loops and not urdf.loop_elements.independent
     if is_open_tree:
         followers = {coupling.joint for coupling in couplings}
