@@ -132,15 +132,16 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
             model, weight_shares = without_locked(model, locked, weight_shares)
         stiffness, spring_reference = springs_of(model, numbers)
 
-    # Motors; in an open tree without motors each joint has one.
-    motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
-    open_tree = ""  # the warning of an open tree; empty for a robot with loops
+    # Motors. In an open tree whose files name no motors, each joint of one axis has one.
     is_open_tree = not cuts.source and not loops and not urdf.loop_elements.independent
+    motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
+    warning_of_open_tree = ""
     if is_open_tree:
         followers = {coupling.joint for coupling in couplings}
-        open_tree = _open_tree_warning(urdf_path.stem, bool(cuts.actuated), bool(followers))
-        if not cuts.actuated:
+        has_motors = bool(cuts.actuated)
+        if not has_motors:
             motors = tuple(_single_joints(model, followers))
+        warning_of_open_tree = _open_tree_warning(urdf_path.stem, has_motors, bool(followers))
 
     if not any(inertia.mass for inertia in list(model.inertias)[1:]):
         notes.append(_mass_warning(model))
@@ -158,7 +159,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
         contacts=cuts.contacts,
         weight_shares=weight_shares,
         notes=tuple(notes),
-        open_tree=open_tree,
+        open_tree=warning_of_open_tree,
     )
 
 
