@@ -37,7 +37,7 @@ def in_mujoco(
     chain: ClosedChain, q: Array, va: Array | None = None, *, step: float, stiffness: float = 1e6
 ) -> Closed:
     """The robot in MuJoCo by the classical Runge-Kutta method, at q and va, at rest by default."""
-    tree = MujocoTree(chain.mechanism, closed=stiffness)
+    tree = MujocoTree(chain.mechanism, closure_stiffness=stiffness)
     tree.mj.opt.timestep = step
     tree.mj.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     tree.mj.opt.tolerance = 1e-8  # of the solver; MuJoCo's default

@@ -27,13 +27,13 @@ class MujocoTree:
         DescriptionError: For what MuJoCo does not have.
     """
 
-    def __init__(self, mechanism: Mechanism, closed: float | None = None) -> None:
+    def __init__(self, mechanism: Mechanism, closure_stiffness: float | None = None) -> None:
         """Put the tree into MuJoCo.
 
         Args:
             mechanism: The robot.
-            closed: None for the tree alone, or the stiffness of the closures, [1/s^2]. With a
-                stiffness, MuJoCo's model also has the closures, as equality constraints with
+            closure_stiffness: None for the tree alone, or the stiffness of the closures, [1/s^2].
+                With a stiffness, MuJoCo's model also has the closures, as equality constraints with
                 critical damping, and friction, springs and motors.
         """
         self._model = mechanism.model
@@ -42,7 +42,7 @@ class MujocoTree:
         except ImportError:
             raise MissingExtraError("mujoco", "verify") from None
         self._mujoco = mujoco
-        if closed is None:
+        if closure_stiffness is None:
             # Without friction, rotors, springs and limits of joints.
             document = MjcfDocument(mechanism, with_numbers=False)
         else:
@@ -52,11 +52,10 @@ class MujocoTree:
         except ValueError as error:
             source = f"model {self._model.name}"
             raise DescriptionError(source, [f"not for MuJoCo: {error}"]) from None
-        if closed is not None:
+        if closure_stiffness is not None:
             # MuJoCo takes a pair of negative numbers for stiffness and damping.
-            stiffness = closed
-            damping = 2 * np.sqrt(closed)
-            self.mj.eq_solref[:] = -stiffness, -damping
+            damping = 2 * np.sqrt(closure_stiffness)
+            self.mj.eq_solref[:] = -closure_stiffness, -damping
         self.data = mujoco.MjData(self.mj)
         self._joints = document.joints
         #: Index in MuJoCo of the body of each joint of the robot; 0 is the world, without a name.

@@ -35,7 +35,7 @@ def welded_motion(
     per unit of inertia, [1/s^2]. Dry friction is MuJoCo's own, which creeps where it should stick.
     """
     robot = SST(parameters)
-    tree = MujocoTree(robot.mechanism, closed=stiffness)
+    tree = MujocoTree(robot.mechanism, closure_stiffness=stiffness)
     model, data = tree.mj, tree.data
     model.opt.timestep, model.opt.tolerance = step, 0  # all iterations
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4

@@ -129,5 +129,5 @@ def test_mujoco_takes_dense_jacobians_of_large_robots():
     for k in range(70):
         joint = model.addJoint(k, pin.JointModelRX(), pin.SE3.Identity(), f"joint_{k}")
         model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1, 0.1), pin.SE3.Identity())
-    tree = MujocoTree(sst_pin.ClosedChain(model, [], ["joint_0"]).mechanism, closed=1e4)
+    tree = MujocoTree(sst_pin.ClosedChain(model, [], ["joint_0"]).mechanism, closure_stiffness=1e4)
     assert not mujoco.mj_isSparse(tree.mj)
