@@ -94,7 +94,7 @@ class JointComplement:
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute L at q; the loops must be closed up to a tolerance."""
-        if not self._mechanism.space.euclidean:
+        if not self._mechanism.space.euclidean:  # q has unit vectors
             self._mechanism.space.require_on_manifold(q)
         self._loops.evaluate_closed(q, self._row_scale, tolerance)
         self._factorise()
