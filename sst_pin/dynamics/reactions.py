@@ -106,8 +106,8 @@ class Reactions(Summary):
             complete: Whether components that are not unique raise an error.
 
         Raises:
-            UnknownNameError: If there is none of that name.
-            IndeterminateError: With `complete`, if components of it are not unique.
+            UnknownNameError: If no joint or closure has this name.
+            IndeterminateError: With `complete`, if components of the wrench are not unique.
 
         Example:
             >>> crank = sst_pin.robots.slider_crank()
@@ -165,8 +165,8 @@ class _Wrenches(NamedTuple):
         values: One solution for the wrenches, shape (r + closures, 6). If there are compliances, it
             is the one with the least elastic energy.
         stresses: The wrenches of k inner stresses of the rigid robot, shape (r + closures, 6, k).
-        free_stresses: Those of the inner stresses that compliances do not determine. Without
-            compliances, these are all inner stresses.
+        free_stresses: The wrenches of the inner stresses that compliances do not determine, shape
+            (r + closures, 6, l). Without compliances, these are all inner stresses.
         ground: Wrench of the ground on the robot, shape (6,).
         tau: Motor torques, shape (motors,).
     """
