@@ -349,13 +349,14 @@ class Design:
         L, leader_motions = np.split(context.complement.L, [n], axis=1)
 
         L_along = self._complement_derivatives(context, leader_motions, n)
-        torques = self._force_derivatives(q, x, va, aa, wrenches, at_frames, sign_width)
+        df = self._force_derivatives(q, x, va, aa, wrenches, at_frames, sign_width)
+        torques = df  # if motor k drives coordinate k
         if not mechanism.driven_one_to_one:
             A = L.T @ context.actuation(x)
             A_along = self._actuation_derivatives(context, x, L, leader_motions, L_along)
             inverse = inverse_for_torques(mechanism, A)
             dA = _by_groups(A_along, directions)
-            torques = _least_torque_derivatives(torques, A, inverse, dA, tau)
+            torques = _least_torque_derivatives(df, A, inverse, dA, tau)
         pose = np.zeros((0, len(self.names)))
         if frame is not None:
             index = frame_id(context.mechanism.model, frame)
