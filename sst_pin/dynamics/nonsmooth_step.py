@@ -338,6 +338,8 @@ class NonsmoothStep:
         # soft = damping + h stiffness, its tension at the end is tension + soft l_dot, or 0 if this
         # is negative. The impulse x is h times the tension at the end. So the row is
         # w = -l_dot - tension / soft + x / (h soft), with x >= 0, w >= 0 and x w = 0.
+        # A cable with a constant tension has no such row: its soft = 1 only avoids a division by
+        # zero.
         compliance = np.zeros(rows.count)
         soft = np.where(cables.constant, 1.0, cables.damping + h * cables.stiffness)
         biases[parts.cables] = np.where(cables.constant, 0.0, -cables.tensions / soft)
