@@ -141,5 +141,5 @@ def _slider_crank_joints(pose: pin.SE3) -> Joints:
     """Inverse kinematics: the rod's pose gives the slider at one end, the ball at the other."""
     ball = pose.translation
     slider = float(pose.act(np.array([_ROD, 0, 0]))[0])
-    _, y, z = ball - _CRANK
+    _, y, z = ball - _CRANK  # Rot_x(crank) (0, 0, length of the crank)
     return {"crank": np.arctan2(-y, z), "slider": slider, "rod": _rod_turns(ball, slider)}
