@@ -77,7 +77,8 @@ class StepControl:
         first_step = None
         if np.isfinite(self._first_length):
             first_step = min(self._first_length, until - state.t)
-        # The dependent joints have the errors of the coordinates times the condition number.
+        # The dependent joints have the errors of the coordinates times the condition number. This
+        # number may grow before the coordinates change: `MARGIN` is a reserve for that.
         factor = MARGIN * state.space.condition_number(state.q)
         # Rounding of q makes noise in the rates. With a finer atol the integrator would shorten its
         # steps because of this noise.
