@@ -3,13 +3,12 @@
 
 import argparse
 from collections.abc import Mapping
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
 
 from .. import identification
-from ..arrays import Array, positive_number
+from ..arrays import Array, matching_names, positive_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
@@ -165,13 +164,12 @@ def _patterns(robot: ClosedChain, which: str | None, masses: Mapping[str, float]
                 patterns += [f"{line}.stiffness", f"{line}.preload"]
     if not masses:
         return patterns
+    names = robot.dynamic_parameters.names
+    considered = set[str]()
+    for pattern in patterns:
+        considered.update(matching_names("parameter", pattern, names))
     known = {f"{body}.mass" for body in masses}
-    names = []
-    for name in robot.dynamic_parameters.names:
-        fits = any(fnmatchcase(name, pattern) for pattern in patterns)
-        if fits and name not in known:
-            names.append(name)
-    return names
+    return [name for name in names if name in considered and name not in known]
 
 
 def _urdf_writers(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:

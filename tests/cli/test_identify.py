@@ -81,6 +81,22 @@ def test_it_says_which_parameters_are_supported_and_takes_known_masses(log, caps
     assert "elbow_1.mass" in error
 
 
+def test_with_known_masses_which_takes_brackets_and_refuses_unknown_names(log, capsys):
+    five_bar = sst_pin.robots.five_bar()
+    model = five_bar.model
+    model.names[model.getJointId("elbow_1")] = "elbow[1]"
+    named = sst_pin.ClosedChain(model, five_bar.closures, five_bar.motor_names)
+    sst_pin.write_mjcf(named, "robot.xml")
+    call = "identify", log, "-o", "-", "--robot", "robot.xml", "--cutoff", 10
+    call = *call, "--masses", "elbow_2=0.3", "--which"
+    code, out, error = run(capsys, *call, "elbow[1].mx,shoulder_1.viscous")
+    assert code == 0, error
+    assert "elbow[1].mx" in out
+    code, _, error = run(capsys, *call, "shoulder_1.viscous,elbow_1.mx")
+    assert code == 2
+    assert "elbow_1.mx" in error
+
+
 def test_where_no_combination_is_supported_fewer_parameters_may_be(measured, log, capsys):
     noisy = measured.copy()
     noisy[:, 3:] += np.random.default_rng(1).normal(scale=100, size=(len(noisy), 2))
