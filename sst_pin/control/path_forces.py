@@ -13,10 +13,11 @@ Robotics Research 4(3), 1985).
 
 The part of a limit is -1 at the least value and 1 at the largest. With surplus motors, a preload
 changes the parts. Then the functions are not those of single motors, but of sums of parts that no
-preload changes: a sum is the product of factors and parts; see `motor_limits`.
+preload changes. Such a sum is c^T p, with the parts p of all motors and factors c; see
+`motor_limits`.
 
 `PathForces` has these functions as splines. It computes them at some points of the path, its nodes:
-`_coefficients` has a to d, and `_dry_friction` the last one.
+`_coefficients` has a to d, and `_dry_friction` has the Coulomb friction.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class Parts(NamedTuple):
     #: joint is at rest, so it may be positive for a sum and for its opposite.
     dry: Array
     #: The largest w that the limits of rates allow, shape (N,).
-    most: Array
+    largest_w: Array
 
 
 class PathForces:
@@ -77,8 +78,8 @@ class PathForces:
         limits.require_rest(q[[0, -1]])
         factors = limits.factors(q)
         rates = _rates_by_s(limits, q, first)
-        forward = factors @ limits.dry_friction(q)
-        dry = _dry_friction(rates, forward)
+        forward_friction = factors @ limits.dry_friction(q)
+        dry = _dry_friction(rates, forward_friction)
         coefficients = _coefficients(limits, q, first, second, factors, dry)
         speeds = limits.speeds(q, first)
 
@@ -87,7 +88,7 @@ class PathForces:
         # sums are interpolated here, and normalised in `at`.
         self._factors = spline(nodes, factors)
         self._rates = spline(nodes, rates)
-        self._forward = spline(nodes, forward)
+        self._forward_friction = spline(nodes, forward_friction)
         self._a = spline(nodes, coefficients.a)
         self._b = spline(nodes, coefficients.b)
         self._c = spline(nodes, coefficients.c)
@@ -103,7 +104,7 @@ class PathForces:
     def at(self, s: Array) -> Parts:
         """All parts at points of the path."""
         factors = self._factors(s)
-        dry = _dry_friction(self._rates(s), self._forward(s))
+        dry = _dry_friction(self._rates(s), self._forward_friction(s))
 
         def columns(sums: Array, opposites: Array) -> Array:
             """Normalised sums, then their normalised opposites, shape (N, 2 sums)."""
@@ -115,14 +116,14 @@ class PathForces:
         d = self._d(s)
         # With w = 1 the rates use `speeds` of their limits, so that w may be 1 / speeds.
         with np.errstate(divide="ignore"):
-            most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
+            largest_w = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
         return Parts(
             a=columns(a, -a),
             b=columns(b, -b),
             c=columns(c, -c),
             d=columns(d, -d),
             dry=columns(dry.largest, -dry.least),
-            most=most,
+            largest_w=largest_w,
         )
 
 
@@ -144,20 +145,20 @@ class _DryFriction(NamedTuple):
     largest: Array
 
 
-def _dry_friction(rates: Array, forward: Array) -> _DryFriction:
+def _dry_friction(rates: Array, forward_friction: Array) -> _DryFriction:
     """Coulomb friction at N points of a path.
 
     The friction of a moving joint or line follows its rate; at rest it has either sign.
 
     Args:
         rates: Rates of the joints and lines by s, free of units, shape (N, nv + lines).
-        forward: The sums due to the friction of each joint and line alone, while it moves forward,
-            shape (N, sums, nv + lines).
+        forward_friction: The sums due to the friction of each joint and line alone, while it moves
+            forward, shape (N, sums, nv + lines).
     """
     is_moving = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
     # Matrix times vector at each point.
-    of_moving = np.einsum("ikj,ij->ik", forward, np.sign(rates) * is_moving)
-    of_resting = np.einsum("ikj,ij->ik", np.abs(forward), ~is_moving)
+    of_moving = np.einsum("ikj,ij->ik", forward_friction, np.sign(rates) * is_moving)
+    of_resting = np.einsum("ikj,ij->ik", np.abs(forward_friction), ~is_moving)
     return _DryFriction(least=of_moving - of_resting, largest=of_moving + of_resting)
 
 
@@ -196,9 +197,9 @@ def _coefficients(
 
     c = sums_at(0.0)
     a = sums_at(0.0, 1.0) - c
-    # The sums at w and -w (u = 0) have the mean c + b w^2. Half their difference is d w and the
-    # Coulomb friction of moving joints: inverse dynamics has no friction of joints at rest. This is
-    # the mean of the least and the largest friction.
+    # The sums at w and -w (u = 0) have the mean c + b w^2. Half their difference is d w plus the
+    # Coulomb friction of the moving joints, as inverse dynamics has no friction of joints at rest.
+    # The friction of the moving joints is the mean of the least and the largest friction.
     at_w = sums_at(_FAST)
     at_minus_w = sums_at(-_FAST)
     b_w2 = (at_w + at_minus_w) / 2 - c

@@ -2,12 +2,16 @@
 """The fastest motion along a path within limits of the motors.
 
 The path is a curve x(s) of the coordinates, 0 <= s <= 1; w and u are the first and second time
-derivatives of s. `path_forces` has the parts of the limits that the motion uses,
+derivatives of s. The motion keeps a limit of torques or accelerations if
 
-    a u + b w^2 + c + d w + dry.
+    a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s) <= 1.
+
+The terms are the parts of the limit that are used due to inertia (a), velocity (b), weights and
+springs (c), viscous friction (d), and Coulomb friction (dry). `path_forces` computes these
+functions for all limits. A limit of rates is an upper bound of w.
 
 H. Pham and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
-analysis, IEEE Trans. Robotics 34(3), 2018, find the largest w^2(s) for d = 0; then the parts are
+analysis, IEEE Trans. Robotics 34(3), 2018, find the largest w^2(s) for d = 0; then the sum is
 linear in u and w^2. Viscous friction d w is linearized about the previous solution.
 
 - `time_optimal` is the main function. It refines the nodes at which the forces are computed.
@@ -172,7 +176,7 @@ class _Profile(NamedTuple):
         parts = forces.at(s)
         dry = np.where(w > 0, parts.dry, 0)  # no Coulomb friction is used at rest
         sums = parts.a * u + parts.b * w_squared + parts.c + parts.d * w + dry
-        used = np.maximum(sums.max(axis=1), w[:, 0] / parts.most)
+        used = np.maximum(sums.max(axis=1), w[:, 0] / parts.largest_w)
         return used.reshape(tested.shape)
 
 
@@ -187,7 +191,8 @@ def _fastest(forces: PathForces) -> _Profile:
     for attempt in range(_PASSES):
         profile = _Profile(s, _largest_w_squared(s, forces, guess))
         used = profile.used(forces)
-        # At the points of the grid, at most 1 - MARGIN is used; between them, more may be used.
+        # At the points of the grid, at most 1 - MARGIN is used; between them, more may be used. The
+        # last quarter of the margin is left for the difference of the splines from the dynamics.
         exceeds = used.max(axis=0) > 1 - MARGIN / 4
         if attempt > 0 and not exceeds.any():
             break
@@ -304,7 +309,7 @@ def _interval_limits(s: Array, unit: float, parts: Parts) -> _IntervalLimits:
         a=np.hstack([a[:-1], a_at_end]),
         b=np.hstack([b[:-1], b[1:]]),
         c=np.hstack([c[:-1] + dry, c[1:] + dry]),
-        largest_w_squared=np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, _FASTEST),
+        largest_w_squared=np.minimum(((1 - MARGIN) * parts.largest_w * unit) ** 2, _FASTEST),
     )
 
 
