@@ -90,24 +90,22 @@ class MotorLimits:
     def factors(self, q: Array) -> Array:
         """Factors of the parts in each sum, continuous along a path, shape (N, sums, k).
 
-        There are sums of parts of torques first. Then each acceleration is a sum by itself, because
+        The sums of parts of torques come first. Then each acceleration is a sum by itself, because
         preloads do not change it.
         """
-        torques = np.zeros((len(q), 0, 0))
+        of_torques = np.zeros((len(q), 0, 0))
         if self.torques is not None:
-            torques = factors_of_sums(self.chain.preload_directions(q), self.torques)
-        accelerations = 0
-        if self.accelerations is not None:
-            accelerations = len(self.chain.motor_names)
-        # Any factor serves for a single acceleration. Rows that are much smaller than others count
-        # as zero in `normalised`. So it is as large as the largest row of factors of torques, which
-        # depends on the units.
-        size = np.abs(torques).sum(axis=-1).max(initial=0.0) or 1.0
-        # A block diagonal matrix.
-        _, sums, motors_with_limits = torques.shape
-        factors = np.zeros((len(q), sums + accelerations, motors_with_limits + accelerations))
-        factors[:, :sums, :motors_with_limits] = torques
-        factors[:, sums:, motors_with_limits:] = size * np.eye(accelerations)
+            of_torques = factors_of_sums(self.chain.preload_directions(q), self.torques)
+        accelerations = 0 if self.accelerations is None else len(self.chain.motor_names)
+        # The factor of a single acceleration may have any size, but `normalised` takes rows of
+        # factors that are much smaller than others for zero. The size of the factors of torques
+        # depends on the units. So the factor of an acceleration has the size of their largest row.
+        size = np.abs(of_torques).sum(axis=-1).max(initial=0.0) or 1.0
+        # A block diagonal matrix: the block of the torques, then the block of the accelerations.
+        _, sums, torques = of_torques.shape
+        factors = np.zeros((len(q), sums + accelerations, torques + accelerations))
+        factors[:, :sums, :torques] = of_torques
+        factors[:, sums:, torques:] = size * np.eye(accelerations)
         return factors
 
     def speeds(self, q: Array, va: Array) -> Array:
@@ -148,10 +146,10 @@ class MotorLimits:
             # torques for it are (J^T)^+ R^T f. The rates of motors, joints and lines for the unit
             # rates of coordinate i are row i of J^T and R^T.
             unit_rates = np.eye(chain.degrees_of_freedom)
-            J_T = chain.motor_rates(q[:, None], unit_rates)
+            J_T = chain.motor_rates(q[:, None], unit_rates)  # shape (N, n, motors)
             rates_of_joints = chain.joint_rates(q[:, None], unit_rates)
             rates_of_lines = chain.engine.line_rates(q[:, None], rates_of_joints)
-            R_T = np.concatenate([rates_of_joints, rates_of_lines], axis=-1)
+            R_T = np.concatenate([rates_of_joints, rates_of_lines], axis=-1)  # (N, n, nv + lines)
             half_range = np.ptp(self.torques, axis=1)[:, None] / 2
             parts[:, :motors] = np.linalg.pinv(J_T) @ R_T * coulomb / half_range
         return parts
