@@ -7,18 +7,19 @@ The pseudo-inertia is linear in them, so that the nearest parameters are the sol
 semi-definite programme.
 
 The unknowns x are the parameters theta in units u: theta = U x with U = diag(u). The estimate gives
-the combinations B theta = b with the covariance S S^T. The prior is the robot's own parameters x_0
-with the weights P^2. So the function to minimise is
+the combinations B theta = b with the covariance S S^T. The prior is the robot's own parameters x_0;
+the diagonal matrix P has the square roots of its weights. So the function to minimise is
 
-    |S^-1 (B U x - b)|^2 + |P (x - x_0)|^2.
+    |S^-1 (B U x - b)|^2 + |P (x - x_0)|^2 = |[S^-1 B U; P] (x - x_0) - [r; 0]|^2,
 
-With the decomposition [S^-1 B U; P] = Q R it is |R (x - x_best)|^2 and a constant. Here x_best is
-the minimum without constraints,
+with r = S^-1 (b - B U x_0). `_objective` decomposes [S^-1 B U; P] = Q R. Then the minimum without
+constraints is
 
-    x_best = x_0 + R^-1 Q^T [S^-1 (b - B U x_0); 0].
+    x_best = x_0 + R^-1 Q^T [r; 0],
 
-The constraints are that G x - g lies in a product of cones. With y = R (x - x_best), the programme
-is to find the shortest y for which G R^-1 y + (G x_best - g) lies in the cones.
+and the function is |R (x - x_best)|^2 plus a constant. `_constraints` has the constraints: G x - g
+lies in a product of cones. With y = R (x - x_best), the programme is to find the shortest y for
+which G R^-1 y + (G x_best - g) lies in the cones (`_shortest`).
 """
 
 from typing import Any, NamedTuple
@@ -32,10 +33,11 @@ from ..engine import require_robot
 from ..errors import InputError, MissingExtraError
 from .estimation import Estimate, require_estimate
 
-#: Least eigenvalue of a pseudo-inertia in units of the body's mass and the robot's length.
+#: Least eigenvalue of a pseudo-inertia in units of the body's mass and the robot's length. It is
+#: above zero, as a body whose pseudo-inertia is singular has no volume.
 _LEAST_EIGENVALUE = 1e-5
 #: Entries of P for parameters that are not of bodies. These parameters are in units of their
-#: standard deviations, so that the prior is weak.
+#: standard deviations, so that a weight far below 1 makes the prior weak.
 _WEAK = 1e-6
 #: Ends of the names of parameters that are not negative.
 _NOT_NEGATIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
@@ -163,25 +165,26 @@ def _objective(
         raise InputError("found", problem) from None
     S_inverse_B = solve_triangular(S, found.base.matrix, lower=True)
     theta_0 = np.asarray(chain.dynamic_parameters)
-    # S^-1 (b - B theta_0). The solution is computed as a change from the prior: so values that are
-    # known poorly keep their digits beside values that are known a million times better.
-    differences = solve_triangular(S, found.values - found.base.matrix @ theta_0, lower=True)
+    # The solution is computed as a change from the prior. So values that are known poorly keep
+    # their digits beside values that are known a million times better.
+    r = solve_triangular(S, found.values - found.base.matrix @ theta_0, lower=True)
 
     # Units of a body: its mass m times powers of the robot's length l. Units of other parameters:
     # their standard deviations if all other parameters were known. If the estimate says nothing
     # about a parameter, only the weak prior acts on it, and its unit does not matter.
     powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     units_of_bodies = np.outer(unknowns.masses[unknowns.bodies], powers_of_length).ravel()
-    sizes = np.linalg.norm(S_inverse_B[:, unknowns.others], axis=0)
-    units = np.concatenate([units_of_bodies, 1 / np.maximum(sizes, 1e-9)])
+    inverse_deviations = np.linalg.norm(S_inverse_B[:, unknowns.others], axis=0)
+    units_of_others = 1 / np.maximum(inverse_deviations, 1e-9)
+    units = np.concatenate([units_of_bodies, units_of_others])
 
-    P = np.full(units.size, _WEAK)
-    P[: units_of_bodies.size] = np.sqrt(weight)
-    rows_of_estimate = S_inverse_B[:, unknowns.columns] * units
-    Q, R = np.linalg.qr(np.vstack([rows_of_estimate, np.diag(P)]))
-    Q_T_differences = Q[: differences.size].T @ differences  # Q^T [differences; 0]
+    diagonal_of_P = np.full(units.size, _WEAK)
+    diagonal_of_P[: units_of_bodies.size] = np.sqrt(weight)
+    S_inverse_B_U = S_inverse_B[:, unknowns.columns] * units
+    Q, R = np.linalg.qr(np.vstack([S_inverse_B_U, np.diag(diagonal_of_P)]))
+    Q_T_r = Q[: r.size].T @ r  # Q^T [r; 0]
     x_0 = theta_0[unknowns.columns] / units
-    return _Objective(units, R, x_best=x_0 + solve_triangular(R, Q_T_differences))
+    return _Objective(units, R, x_best=x_0 + solve_triangular(R, Q_T_r))
 
 
 class _Constraints(NamedTuple):
