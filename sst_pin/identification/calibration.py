@@ -112,8 +112,9 @@ class Calibration(Summary):
         changes = dict[str, pin.SE3]()
         for place, displacement in geometry.displacements(mechanism, errors_of_robot).items():
             # The calibrated placement is P D, with the drawn placement P, which the URDF has, and
-            # D = relative(P, displacement). D depends on P only by the rotation of P, and the
-            # rotation of D not at all. So the rotation of P follows from the one of P D.
+            # D = relative(P, displacement). The rotation of D does not depend on P, so it follows
+            # with the identity in place of P. Then R_PD gives the rotation of P. The translation
+            # of D depends on this rotation, but not on the translation of P.
             R_of_D = geometry.relative(pin.SE3.Identity(), displacement).rotation
             R_of_PD = geometry.place_of(mechanism.model, place)[1].rotation
             drawn_orientation = pin.SE3(R_of_PD @ R_of_D.T, np.zeros(3))
@@ -224,8 +225,8 @@ def calibrate_with(
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")
     counts = [measurement.count(len(chain.coordinates)) for measurement in systems]
 
-    # The measured configurations of the robot as drawn, which gets a frame where the base or the
-    # target of a measuring system is unknown.
+    # The measured configurations of the robot as drawn. Then this robot gets a frame for each
+    # unknown base and target of a measuring system.
     q_of_systems = []
     for measurement in systems:
         x = np.asarray(measurement.x, dtype=float)
