@@ -173,9 +173,11 @@ def _search(
         # The sum of all harmonics has about the same size for any number of them.
         z = np.asarray(random.normal(size=series.shape) / series.harmonics)
         if k >= tries * _RANDOM_TRIES and best is not None:
-            # z has entries of about 1 / harmonics; this step is independent of their number.
+            # z has entries of about 1 / harmonics: with the factor `harmonics` the size of the step
+            # does not depend on their number.
             largest = np.abs(best.coefficients).max()
-            z = best.coefficients + _FIRST_STEP * largest * series.harmonics * (1 - k / tries) * z
+            step = _FIRST_STEP * largest * series.harmonics * (1 - k / tries)
+            z = best.coefficients + step * z
         candidate = series.within_limits(z, _FACTORS, coarse_step)
         if candidate is None:
             continue
@@ -239,6 +241,7 @@ class _Series:
         #: B, shape (2 harmonics, 2 harmonics - 3).
         self._basis = null_space(conditions / np.abs(conditions).max(axis=1, keepdims=True))
         self.shape = (self._basis.shape[1], len(chain.coordinates))
+        #: Units of the coordinates, shape (n,): 1 rad or the robot's length. z is free of units.
         self._units = mechanism.rate_scale[mechanism.coordinates]
         self._start = positions_of(mechanism.space, first, chain.coordinates)
         #: Largest rates of the coordinates, shape (n,).
