@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Base parameters: the combinations of dynamic parameters that forces depend on.
 
-Columns of the regressor at random states are taken one after the other; those that depend on the
-columns before are combined with them (M. Gautier, Numerical calculation of the base inertial
-parameters of robots, J. Robotic Systems 8, 1991).
+`base_parameters` takes the columns of the regressor at random states one after the other
+(M. Gautier, Numerical calculation of the base inertial parameters of robots, J. Robotic Systems 8,
+1991). `independent` finds the columns that do not depend on the columns before them, and
+`_combinations` writes all columns as combinations of these.
 """
 
 from __future__ import annotations
@@ -210,7 +211,8 @@ def independent(A: Array, tolerance: float) -> Indices:
     """Numbers of the columns of A that do not depend on the columns before them.
 
     A column depends on others if its part outside their span is below the tolerance, relative to
-    its size. Columns below the tolerance, relative to the largest, are zero and left out.
+    its size. A column is zero, and left out, if its size is below the tolerance, relative to the
+    size of the largest column.
 
     The method is the Gram-Schmidt process. QR without pivots is not suited: a dependent column also
     takes a row of R there, and the next independent column may find no row.
