@@ -177,7 +177,7 @@ def estimate(
         if motors > n:  # single motors cannot be distinguished: one noise for all
             squares = np.full(motors, squares.sum())
             freedom = np.full(motors, freedom.sum())
-        # Degrees of freedom of as many residuals without correlations.
+        # Residuals of filtered samples are correlated, so fewer of them are independent.
         independent_freedom = freedom / samples_per_independent_sample(correlations)
         _require_freedom(chain, independent_freedom, len(Y), len(base))
         if robust:

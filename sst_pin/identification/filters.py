@@ -27,7 +27,8 @@ def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
     """
     from scipy.signal import butter, sosfiltfilt
 
-    beyond = min(int(3 / cutoff), len(values) - 1)  # samples by which the ends are continued
+    # The ends are continued by three periods of the cut-off: then the filter has almost settled.
+    beyond = min(int(3 / cutoff), len(values) - 1)
     sections = butter(_ORDER, cutoff, fs=1.0, output="sos")
     return np.asarray(sosfiltfilt(sections, values, axis=0, padtype=ends, padlen=beyond))
 

@@ -34,7 +34,8 @@ _IN_A_ROW = 1e-8
 #: geometry decide on which side of the plane the point is.
 _IN_A_PLANE = 1e-3
 #: A point is in the plane if its height is below this part of its distance within the plane. The
-#: height is the root of a difference of squares: errors of 0.5 % of the distance give 0.1.
+#: height is the root of a difference of squares: an error of 0.5 % of the distance can look like a
+#: height of sqrt(1.005^2 - 1) = 0.1 of it.
 _ABOVE_PLANE = 0.1
 
 
