@@ -78,7 +78,7 @@ def force_ellipsoid(
     """
     require_robot("chain", chain)
     largest = _largest_torques(chain, torques)
-    G = _torques_of_forces(chain, q, frame, turning, largest).G
+    G = _map_of_forces(chain, q, frame, turning, largest).G
     s, axes = _singular_values(G.mT)
     # A force f along axis k takes torques of the size s_k |f|, in multiples of the largest torques.
     # This is at most 1, so that the ellipsoid has the size 1 / s_k. The largest size is the last.
@@ -123,14 +123,14 @@ def force_polytope(
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))  # of the largest sum
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
 
-    # Let x be the components of a force along the directions in which the frame can move. It
+    # Let x be the components of a force along the directions in which the frame can move. The force
     # changes the sums by C x. A part changes by 2 / (largest - least) for each unit of a torque.
-    map_of_forces = _torques_of_forces(chain, single, frame, turning)
-    directions = _range(map_of_forces.J)  # in rows
+    force_map = _map_of_forces(chain, single, frame, turning)
+    directions = _range(force_map.J)  # in rows
     if not len(directions):
         kind = "turn" if turning else "translate"
         raise InputError("frame", f"{frame} cannot {kind}: the structure carries all forces on it")
-    torques_of_x = map_of_forces.G @ directions.T
+    torques_of_x = force_map.G @ directions.T
     parts_of_x = 2 / np.ptp(limits, axis=1)[:, None] * torques_of_x
     C = sums_of(factors, parts_of_x.T).T  # `sums_of` takes the parts for each component in a row
     if np.linalg.matrix_rank(C, RANK_TOLERANCE * np.abs(C).max(initial=0.0)) < len(directions):
@@ -235,14 +235,14 @@ class _MapOfForces(NamedTuple):
     J: Array
 
 
-def _torques_of_forces(
+def _map_of_forces(
     chain: ClosedChain,
     q: ArrayLike,
     frame: str,
     turning: bool,
     unit_torques: Array | float = 1.0,
 ) -> _MapOfForces:
-    """G for unit torques of the motors, shape (motors,) or ().
+    """G and J of a frame, for unit torques of the motors, shape (motors,) or ().
 
     G gives the torques whose multiples of the unit torques have the least sum of squares. Forces
     that move coordinates which no motor holds are refused.
