@@ -122,10 +122,10 @@ def reach_map(
     is given, the orientation is prescribed; the other angles are 0. If the frame then has degrees
     of freedom left, the joints move least, and the map depends on the path to each pose.
 
-    All three angles of a prescribed orientation count, and rotations about y and then about x are
-    others than about x and then about y. So a frame behind a universal joint whose first axis is x
-    reaches only the poses where roll or pitch is 0. A warning says when a map is such a cross. Then
-    take the joints as the grid: `assemble` closes the loops for a batch of coordinates, and
+    All three angles of a prescribed orientation count. For instance, a frame behind a universal
+    joint with the axes x and y has the orientations R_x R_y, whose yaw is 0 only where roll or
+    pitch is 0. So on a grid of roll and pitch it reaches only a cross. A warning says so. Then take
+    the joints as the grid: `assemble` closes the loops for a batch of coordinates, and
     `frame_placement` has the poses.
 
     Args:
