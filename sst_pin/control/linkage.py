@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Flags, Indices, finite_array, for_each_sample, names, single_array
+from ..arrays import Array, Flags, Indices, finite_array, for_each_sample, single_array
+from ..arrays import names as checked_names
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError, WorkspaceError
 from ..loops.coordinate_choice import choose_coordinates
@@ -49,7 +50,10 @@ class _MotorCoordinates(NamedTuple):
     ratios: Array
 
     def moved(self, q: Array, distance: Array) -> Array:
-        """The configuration after all motors of the linkage move by distances, shape (motors,)."""
+        """The configuration after all motors of the linkage move by distances, shape (motors,).
+
+        Motors that are not in `motors` follow the others.
+        """
         step = np.zeros(self.chain.degrees_of_freedom)
         step[: len(self.motors)] = distance[self.motors] / self.ratios
         return self.chain.engine.moved(q, step)
@@ -65,7 +69,7 @@ class Linkage:
     """
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
-        self.joints = tuple(names("joints", joints))
+        self.joints = tuple(checked_names("joints", joints))
         if not self.joints:
             raise InputError("joints", "name one or more")
         space = chain.mechanism.space
@@ -182,8 +186,8 @@ class Linkage:
                 q = self._by_newton(first, distance)
             else:
                 q = motor_coordinates.moved(first, distance)
-            # Newton's method converges quadratically, so the distance is far below this root, or
-            # the method has not converged.
+            # Newton's method converges quadratically: if its steps were small at the end, the error
+            # is far below sqrt(_LAST_STEP). Otherwise the method has not converged.
             error = self._distance_to(q, target) / self._motor_units
             if np.abs(error).max() > np.sqrt(_LAST_STEP):
                 raise WorkspaceError(
@@ -216,9 +220,9 @@ class Linkage:
 
     @cached_property
     def _motor_coordinates(self) -> _MotorCoordinates | None:
-        """The robot whose coordinates are the joints on which the motors act, and `others`.
+        """The robot whose first coordinates are the joints on which the motors act.
 
-        The others are the coordinates of `chain` that are not joints of the linkage. The result is
+        They replace the joints of the linkage; the other coordinates of `chain` stay. The result is
         None if a motor acts on several joints or on a line.
         """
         mechanism = self.chain.mechanism
@@ -297,7 +301,7 @@ def _coordinates_beside(chain: ClosedChain, rates: Indices) -> list[str]:
     """
     engine = chain.engine
     space = chain.mechanism.space
-    # False, for a joint without a motor, comes before True.
+    # Joints without a motor come first, as False is less than True.
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)
     groups = [space.rates_of([name]) for name in names]
     Phi = scaled_Phi(engine.mechanism, engine.loops.assembly.loops, chain.generic_configuration())
