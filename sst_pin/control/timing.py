@@ -6,16 +6,19 @@ derivatives of s. The motion keeps a limit of torques or accelerations if
 
     a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s) <= 1.
 
-The terms are the parts of the limit that are used due to inertia (a), velocity (b), weights and
-springs (c), viscous friction (d), and Coulomb friction (dry). `path_forces` computes these
-functions for all limits. A limit of rates is an upper bound of w.
+The terms are parts of the limit, used for inertia (a), velocity (b), weights and springs (c),
+viscous friction (d), and Coulomb friction (dry). `path_forces` computes these functions for all
+limits. A limit of rates is an upper bound of w.
 
 H. Pham and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
 analysis, IEEE Trans. Robotics 34(3), 2018, find the largest w^2(s) for d = 0; then the sum is
 linear in u and w^2. Viscous friction d w is linearized about the previous solution.
 
-- `time_optimal` is the main function. It refines the nodes at which the forces are computed.
-- `_fastest` finds the profile w^2(s) for these forces, on a grid of s that it refines.
+There are two sets of values of s. The dynamics is computed at the nodes, with splines between them.
+The acceleration u is constant between the points of the grid.
+
+- `time_optimal` is the main function. It refines the nodes.
+- `_fastest` finds the profile w^2(s) for the splines. It refines the grid.
 - `_largest_w_squared` iterates over viscous friction on one grid.
 - `_without_viscous_friction` asks toppra for the largest w^2 on the grid.
 """
@@ -36,10 +39,9 @@ from .path_forces import Parts, PathForces
 from .path_limits import MARGIN, MotorLimits
 from .smooth_path import SmoothPath
 
-#: Number of intervals between the first nodes, at which the dynamics is computed, and of the first
-#: grid.
+#: Number of intervals between the first nodes, and of the first grid.
 _INTERVALS = 500
-#: How often the number of these intervals may be doubled while the motion exceeds limits.
+#: How often the number of intervals between nodes may be doubled while the motion exceeds limits.
 _HALVINGS = 4
 #: Largest number of passes of an iteration: over finer grids, and over viscous friction.
 _PASSES = 20
