@@ -270,8 +270,8 @@ def _require_bodies(ten: Array, status: str) -> None:
         raise InputError("found", f"no bodies were found near it: {status}; a larger prior helps")
 
 
-def _shortest(A: Array, b: Array, cones: list[Any]) -> tuple[Array, str]:
-    """The shortest y for which A y + b lies in the cones, and the status of the solver."""
+def _shortest(matrix: Array, offset: Array, cones: list[Any]) -> tuple[Array, str]:
+    """The shortest y with `matrix` y + `offset` in the cones, and the status of the solver."""
     import clarabel
     from scipy.sparse import csc_matrix, eye
 
@@ -281,12 +281,15 @@ def _shortest(A: Array, b: Array, cones: list[Any]) -> tuple[Array, str]:
     # Where the prior alone decides, its small weight needs a small gap.
     settings.tol_gap_abs = 1e-12
     settings.tol_gap_rel = 1e-12
-    # The solver minimises y^T y / 2 under the constraints that s = A y + b lies in the cones.
-    identity = eye(A.shape[1], format="csc")
-    zero = np.zeros(A.shape[1])
+    # The solver minimises y^T identity y / 2 + zero^T y. Its constraint is that a vector minus a
+    # matrix times y lies in the cones, so the matrix gets a minus sign.
+    identity = eye(matrix.shape[1], format="csc")
+    zero = np.zeros(matrix.shape[1])
     for scaled in (True, False):  # scaling can spoil well-known values beside poorly known ones
         settings.equilibrate_enable = scaled
-        solver = clarabel.DefaultSolver(identity, zero, csc_matrix(-A), b, cones, settings)
+        solver = clarabel.DefaultSolver(
+            identity, zero, csc_matrix(-matrix), offset, cones, settings
+        )
         solution = solver.solve()
         if str(solution.status) == "Solved":
             break
