@@ -74,8 +74,9 @@ def measured_motion(
     cut-off frequency are left out.
 
     With `decimate` = 1 the torques are filtered like the positions, and the result has two samples
-    in a period: friction that jumps is then smooth in the torques and not in the regressor. With
-    more, it has `decimate` samples, and `estimate(decimate=)` filters both sides alike.
+    in a period of the cut-off frequency. Coulomb friction, which jumps, is then smooth in the
+    torques but not in the regressor. With a larger `decimate` the result has this number of samples
+    in a period, and `estimate(decimate=)` filters the torques and the regressor alike.
 
     Outliers are samples far from the smooth curve, and torques also far from their neighbours, so
     that jumps stay. They are replaced: positions by the curve, torques by the median.
@@ -93,10 +94,10 @@ def measured_motion(
             needs it.
 
     Raises:
-        InputError: For a gap in the log, more than 5 % of outliers, or outliers for more than a
-            quarter of a period, a cut-off frequency that is not below half of the sampling rate or
-            needs more time than the log has, more samples than the log has, or a robot with brakes
-            and no `start`.
+        InputError: For a gap in the log; for more than 5 % of outliers, or outliers for more than a
+            quarter of a period; for a cut-off frequency that is not below half of the sampling
+            rate, or so low that the log has at most eight periods; if `decimate` asks for more
+            samples than the log has; for a robot with brakes and no `start`.
 
     Example:
         >>> t = np.linspace(0, 4, 2001)
