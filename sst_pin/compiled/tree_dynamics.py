@@ -507,10 +507,12 @@ class TreeDynamics:
         wrench that they need for a unit acceleration of k. The entry M_jk for a rate j of the link
         is the component of this wrench along the axis of j.
 
-        Without `loops`, M is the mass matrix itself. With `loops`, M has fewer entries. The link on
-        which a loop hangs carries the whole loop. A unit rate of the coordinate k gives the
-        dependent rate d of the loop the value L_dk. So at this link the wrench of k gets L_dk times
-        the wrench of d, and the wrench of d is dropped. From there to the ground d has no entries.
+        Without `loops`, M is the mass matrix itself. With `loops`, M has fewer entries. Let a loop
+        hang on link i, with the dependent rates d, and let j be the rate of a joint between the
+        ground and link i. The entry M_jd enters L^T M L only by the products M_jd L_dk, one for
+        each coordinate k. They can be added to M_jk, because row k of L has the single entry
+        L_kk = 1. This is done for all j at once: at link i the wrench of k gets L_dk times the
+        wrench of d, and the wrench of d is dropped.
 
         Args:
             loops: {i: {d: {k: L_dk}}}: the rows of L of the dependent rates d, by the link i on
