@@ -104,7 +104,8 @@ class LoopFactors:
             if scales:
                 component = self._orthogonal_component(scales, columns)
             else:
-                # Auxiliary unknowns get indices of rows and columns that nothing has yet.
+                # Auxiliary unknowns get indices of rows and columns that nothing has yet. Each of
+                # those before has a row in `entries`, so there are at most len(entries) of them.
                 used = len(entries)
                 first_auxiliary = FirstIndices(
                     row=len(self._rows) + used, column=self._mechanism.model.nv + used

@@ -144,7 +144,8 @@ class SymbolicParameters:
         """
         identity = np.eye(self.size)  # the derivatives of p by p
 
-        # The regressor has inertias I in place of the second moments J: dp/dI = dp/dJ dJ/dI.
+        # The regressor has inertias I in place of the second moments J: dp/dI = dp/dJ dJ/dI. The
+        # shape is (size, bodies, numbers of a body).
         bodies = identity[:, self._body_numbers].reshape(self.size, -1, BODY).copy()
         bodies[..., 4:] = bodies[..., 4:] @ _SECOND_MOMENTS
         matrices = [bodies.reshape(self.size, -1)]
@@ -152,7 +153,8 @@ class SymbolicParameters:
         for name in ("viscous", "coulomb", "armature", "stiffness"):
             matrices.append(identity[:, self._joint_numbers[name]])
 
-        # The regressor holds rest lengths constant, so that f is linear in its parameters.
+        # The regressor holds rest lengths constant, so that f is linear in its parameters. The
+        # shape is (size, lines, numbers of a line).
         lines = identity[:, self._line_numbers].reshape(self.size, -1, LINE)
         stiffness = lines[..., 0:1]
         damping_and_preload = lines[..., 2:4]

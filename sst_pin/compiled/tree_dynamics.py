@@ -8,8 +8,8 @@ it exerts.
 A link has the angular velocity omega, the angular acceleration alpha, and the acceleration a of its
 origin. A point at r from the origin has the acceleration a + U r with
 U = skew(alpha) + skew(omega) skew(omega); see `link_kinematics`. Let a body have the mass m, the
-first moment c (the integral of r dm) and the second moments J (the integral of r r^T dm). It needs
-the integrals of a + U r and of r x (a + U r) as force and moment about the origin,
+first moment c (the integral of r dm) and the second moments J (the integral of r r^T dm). The force
+and the moment about the origin that it needs are the integrals of a + U r and of r x (a + U r),
 
     m a + U c,   c x a + 2 axial(U J),
 
