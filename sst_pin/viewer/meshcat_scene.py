@@ -108,7 +108,7 @@ class MeshcatScene:
     def _add_ghost(self, animation: Animation, configurations: Array, times: Array) -> None:
         """Add a translucent robot, and keyframes for its configurations at some times, [s]."""
         movers = list[str]()
-        for shape in self._scene.moving:
+        for shape in self._scene.moving_shapes:
             # A node for the ghost, a node for its layer, and below these the movers of the robot.
             mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
             self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))

@@ -147,7 +147,7 @@ class Scene:
         self.layers = {name: is_shown[name] for name in LAYERS if name in present}
 
     @property
-    def moving(self) -> list[Shape]:
+    def moving_shapes(self) -> list[Shape]:
         """Shapes of the bodies that move, or of their skeleton where there are none."""
         layer = "bodies" if "bodies" in self.layers else "skeleton"
         return [shape for shape in self.shapes if shape.layer == layer and shape.mover != "0"]

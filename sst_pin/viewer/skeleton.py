@@ -150,8 +150,9 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
 def masses(model: pin.Model) -> Iterator[Shape]:
     """For each body, the homogeneous ellipsoid with the same mass m and inertia.
 
-    An ellipsoid has the principal moments I_1 = m / 5 (a_2^2 + a_3^2), and so on. So its semi-axes
-    are a_1^2 = 5 / (2 m) (I_2 + I_3 - I_1), and so on.
+    An ellipsoid has the principal moments I_1 = m / 5 (a_2^2 + a_3^2), and so on. So the squares of
+    its semi-axes are a_1^2 = 5 / (2 m) (I_2 + I_3 - I_1), and so on. The last factor is the sum of
+    all moments minus 2 I_1.
     """
     for joint, inertia in enumerate(model.inertias):
         if inertia.mass <= 0 or joint == 0:

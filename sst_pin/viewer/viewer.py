@@ -155,7 +155,7 @@ class Viewer:
             q=q[0],
             va=zero_rates[0],
             outermost_points=self._scene.outermost_points(q, effort),
-            curves=[*reactions.curves, *curves],
+            curves=[*reactions.curves, *curves],  # a page shows the first set at first
             note=reactions.note,
         )
 
