@@ -81,21 +81,22 @@ def _limits(mechanism: Mechanism, joint: MjcfJoint) -> dict[str, str]:
         limits["range"] = numbers(
             [lower[0].clip(-NO_LIMIT, NO_LIMIT), upper[0].clip(-NO_LIMIT, NO_LIMIT)]
         )
-    effort = _shared_effort(mechanism, int(joint.rates[0]))
+    effort = _effort_of_tendons(mechanism, int(joint.rates[0]))
     if effort:
         limits["actuatorfrcrange"] = numbers([-effort, effort])
     return limits
 
 
-def _shared_effort(mechanism: Mechanism, rate: int) -> float:
-    """The limit of the force on a rate, if a motor acts on this rate and on others; else 0.
+def _effort_of_tendons(mechanism: Mechanism, rate: int) -> float:
+    """The limit of the force on a rate, if a motor acts on it through a tendon; else 0.
 
-    It is 0 for an unlimited force too. If a motor acts on one rate only, the limit is written with
-    the motor, as its `ctrlrange`.
+    It is 0 for an unlimited force too. A motor acts through a tendon if it acts on several rates,
+    or on one by a factor other than 1. The limit of a motor in the joint itself is not written
+    here, but with the motor, as its `ctrlrange`.
     """
-    motors = mechanism.actuation  # shape (nv, motors)
-    acts_on_several = (motors != 0).sum(axis=0) > 1
+    factors = mechanism.actuation  # shape (nv, motors)
+    is_in_joint = (np.count_nonzero(factors, axis=0) == 1) & (factors.sum(axis=0) == 1)
     limit = float(mechanism.model.upperEffortLimit[rate])
-    if motors[rate, acts_on_several].any() and 0 < limit < NO_LIMIT:
+    if factors[rate, ~is_in_joint].any() and 0 < limit < NO_LIMIT:
         return limit
     return 0.0

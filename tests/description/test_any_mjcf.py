@@ -127,6 +127,17 @@ def test_limits_efforts_and_points_come_over(tmp_path):
     assert sst_pin.ClosedChain.from_mjcf(tmp_path / "robot.xml").motor_names == chain.motor_names
 
 
+def test_the_effort_limit_of_a_joint_with_a_geared_motor_comes_over(tmp_path):
+    original = sst_pin.robots.five_bar()
+    model = pin.Model(original.model)
+    model.effortLimit[:] = 10.0
+    motors = [{"geared": {"shoulder_1": 2.0}}, "shoulder_2"]
+    chain = sst_pin.ClosedChain(model, original.closures, motors)
+    back, _ = read_back(chain, tmp_path / "robot.xml")
+    shoulders = chain.mechanism.space.rates_of(["shoulder_1", "shoulder_2"])
+    assert back.model.effortLimit[shoulders] == pytest.approx([10.0, 10.0])
+
+
 @pytest.mark.parametrize("name", ["five_bar", "rods", "in space"])
 def test_mujoco_simulates_the_file(name, tmp_path):
     """From home at rest under constant torques, for 0.05 s, as far as equalities give way.
