@@ -105,7 +105,8 @@ def excitation(
         duration: Duration of one period, [s].
         harmonics: Number of harmonics; the highest frequency is harmonics / duration, [Hz].
         rates: Largest rate of each coordinate, shape (n,) or (); by default the model's.
-        torques: Largest torque of each motor, shape (motors,) or (); by default the model's.
+        torques: Largest torque of each motor, shape (motors,) or (). By default the limits of the
+            model for the forces of motors on each joint and line.
         start: The configuration at the start, shape (nq,); `home` by default.
         tries: How many motions are judged.
         seed: Seed of the random series.
@@ -246,10 +247,17 @@ class _Series:
         self._start = positions_of(mechanism.space, first, chain.coordinates)
         #: Largest rates of the coordinates, shape (n,).
         self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
-        #: Largest torques of the motors, shape (motors,). A motor that acts on several joints has
-        #: the sum of their limits, which must stay finite.
-        largest = np.minimum(model.effortLimit, np.finfo(float).max / 10)
-        self._strongest = _limits("torques", torques, np.abs(mechanism.actuation).T @ largest)
+        # Forces that have limits: their factors from the motor torques, shape (k, motors), and the
+        # largest forces, shape (k,).
+        if torques is None:
+            efforts_of_lines = [line.effort for line in mechanism.lines.forces]
+            efforts = np.concatenate([model.effortLimit, efforts_of_lines])
+            self._factors = np.vstack([mechanism.actuation, mechanism.lines.actuation])
+            self._strongest = _limits("torques", None, efforts)
+        else:  # the caller's limits are limits of the torques themselves
+            motors = len(chain.motor_names)
+            self._factors = np.eye(motors)
+            self._strongest = one_or_each("torques", torques, motors)
 
     def within_limits(self, z: Array, factors: Iterable[float], step: float) -> _Candidate | None:
         """The series with the first factor that keeps all limits; None if none does.
@@ -282,8 +290,8 @@ class _Series:
         unlimited = low >= high
         positions_allowed = unlimited | ((low <= motion.q) & (motion.q <= high))
         rates_allowed = np.abs(motion.va) <= self._fastest
-        torques_allowed = np.abs(motion.tau) <= self._strongest
-        return bool(positions_allowed.all() and rates_allowed.all() and torques_allowed.all())
+        forces_allowed = np.abs(motion.tau @ self._factors.T) <= self._strongest
+        return bool(positions_allowed.all() and rates_allowed.all() and forces_allowed.all())
 
 
 def _limits(name: str, values: ArrayLike | None, model: Array) -> Array:

@@ -9,7 +9,14 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import ClosedChain, DescriptionWarning, InputError, coordinate_motion, robots
+from sst_pin import (
+    ClosedChain,
+    DescriptionWarning,
+    InputError,
+    LineForce,
+    coordinate_motion,
+    robots,
+)
 from sst_pin.identification import base_parameters, condition_number, excitation, measured_motion
 
 T = np.linspace(0, 6, 3001)
@@ -174,6 +181,18 @@ def test_a_motion_that_shows_little_is_told():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         excitation(CHAIN, pair, 3.0, tries=1, **LIMITS)
+
+
+def test_the_limits_of_the_model_are_those_of_check_limits():
+    """A geared motor and a cylinder: the limits are of forces on the joint and on the line."""
+    model = pin.Model(CHAIN.model)
+    model.effortLimit[:] = 0.05
+    line = LineForce("platform", "universe", name="cylinder", effort=0.3)
+    motors = [{"geared": {"shoulder_1": 2.0}}, "cylinder"]
+    coordinates = ["shoulder_1", "shoulder_2"]
+    chain = ClosedChain(model, CHAIN.closures, motors, coordinates=coordinates, lines=[line])
+    motion = excitation(chain, base_parameters(chain, ["shoulder_*.viscous"]), 1.5, tries=1)
+    assert not [str(finding) for finding in chain.check_limits(motion) if "effort" in str(finding)]
 
 
 def test_limits_that_nothing_keeps_are_refused():
