@@ -87,8 +87,9 @@ class Measurement(ABC):
     Attributes:
         frame: Name of the frame that was measured.
         x: Measured positions of the coordinates, shape (N, n), [rad] or [m].
-        noise: Standard deviation of the measured values, [m] or [rad]; estimated by default. Give
-            it where there are few more values than errors.
+        noise: Standard deviation of the measured values, [m], or of poses a tuple: of positions,
+            [m], and of orientations, [rad]. By default, and for None in the tuple, it is estimated.
+            Give it where there are few more values than errors.
         unknown_base: Whether the placement of the measuring system in the base is unknown. It is
             estimated as the errors `<name>_base.x` to `.rz`.
         unknown_target: Whether the place that was measured is unknown relative to the frame. It is
@@ -100,7 +101,7 @@ class Measurement(ABC):
     frame: str
     x: ArrayLike
     _: KW_ONLY
-    noise: float | tuple[float, float] | None = None
+    noise: float | tuple[float | None, float | None] | None = None
     unknown_base: bool = False
     unknown_target: bool = False
     name: str = "measured"
@@ -181,13 +182,14 @@ class Poses(Measurement):
         if np.isinf(array).any():
             raise InputError("poses", "an entry is infinite; NaN says that it was not measured")
         if array.ndim == 3:
+            has_two = isinstance(self.noise, tuple) and len(self.noise) == 2
+            if self.noise is not None and not has_two:
+                raise InputError("noise", "of poses: two numbers, of positions and orientations")
             self._check_orientations(array)
         return size
 
     def _check_orientations(self, poses: Array) -> None:
         """Refuse orientations that are measured in part, and what is no homogeneous matrix."""
-        if isinstance(self.noise, (int, float)):
-            raise InputError("noise", "of poses: two numbers, of positions and orientations")
         R = poses[:, :3, :3]
         some_missing = np.isnan(R).any(axis=(1, 2))
         all_missing = np.isnan(R).all(axis=(1, 2))

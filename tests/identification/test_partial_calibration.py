@@ -246,6 +246,9 @@ def test_wrong_measurements_are_refused():
     some[2, 0, 1] = np.nan
     with pytest.raises(InputError, match="measured whole"):
         calibrate(drawn, "platform", x, some)
+    for noise in (1e-3, (1e-3,), (1e-3, 1e-3, 1e-3)):
+        with pytest.raises(InputError, match="noise: of poses: two numbers"):
+            calibrate_with(drawn, [Poses("platform", x, poses=poses, noise=noise)], which=MOTORS)
     few = Heights("platform", x[:3], heights=z[:3])
     with pytest.raises(InputError, match="3 equations for 3 errors"):
         calibrate_with(drawn, [few], which=MOTORS)
