@@ -83,9 +83,10 @@ def noise_spread(A: Array, R_inverse: Array, P: Array, correlations: Array) -> N
 
         tr(P_m (1 - H) V (1 - H) P_m^T) = |P_m|^2 - 2 tr(Q_m^T C_t Q_m) + tr(Q_m^T Q_m W).
 
-    The first term is tr(P_m V P_m^T), as C_t has ones on its diagonal. The second one is twice
-    tr(P_m H V P_m^T) with H = Q Q^T. The third one follows from Q^T V Q = W. The first two need
-    P P^T = 1; otherwise only their sums over all motors are right.
+    The first two terms need P P^T = 1, which gives V P_m^T = P_m^T C_t. So the first term is
+    tr(P_m V P_m^T) = tr(C_t), and C_t has ones on its diagonal, as has P_m P_m^T. The second term
+    is twice tr(P_m H V P_m^T) with H = Q Q^T. The third term follows from Q^T V Q = W. With more
+    motors than coordinates, only the sums of the first two terms over all motors are right.
 
     Args:
         A: The whitened equations, shape (N, n, b).
