@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Writes inertias and friction of a robot into the URDF that it was read from."""
+"""Writes inertias and friction of a robot into the URDF that it was read from.
+
+The joint NAME of a URDF can be one, several or no joints of the model, in series between its two
+links:
+- Most joints are one joint of the model, NAME.
+- A universal joint, which the YAML declares, is two joints with capitals, NAME_X and NAME_Y.
+- If only some rates of a joint are locked, each free rate is a joint with small letters, such as
+  NAME_wx. A URDF cannot store such a joint.
+- A fixed or locked joint is no joint of the model.
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -85,15 +94,6 @@ def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
         cure = f"write them into {Path(urdf).stem}.yaml beside it"
         warn_caller(f"a URDF cannot store {listed(lost)}; {cure}", DescriptionWarning)
     return text_for_folder(root, Path(urdf).resolve().parent, folder.resolve())
-
-
-# The joint NAME of a URDF can be one, several or no joints of the model, in series between its two
-# links:
-# - Most joints are one joint of the model, NAME.
-# - A universal joint, which the YAML declares, is two joints with capitals, NAME_X and NAME_Y.
-# - If only some rates of a joint are locked, each free rate is a joint with small letters, such as
-#   NAME_wx. A URDF cannot store such a joint.
-# - A fixed or locked joint is no joint of the model.
 
 
 def _series(joint: ET.Element, links: Mapping[str, pin.Frame], model: pin.Model) -> list[str]:
