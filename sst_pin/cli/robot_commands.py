@@ -72,7 +72,7 @@ def verify(arguments: argparse.Namespace) -> int:
         if failures:
             print(f"{failures} of {len(rows)} disagree")
         elif unjudged:
-            print(f"no referee can say about: {', '.join(unjudged)}")
+            print(f"no referee can judge: {', '.join(unjudged)}")
         else:
             print("all agree")
     return 0 if passed else 1

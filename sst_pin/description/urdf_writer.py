@@ -191,7 +191,8 @@ def _collision(link: ET.Element, primitive: Primitive) -> None:
         radius = max(primitive.radius, primitive.end_radius)  # around a cone
         sizes = {"radius": radius, "length": np.linalg.norm(axis)}
     collision = SubElement(link, "collision")
-    rpy = _rpy(R.round(12) + 0.0)  # a zero must not be -1e-17: that is -pi
+    # Rounding errors such as -1e-17 become 0.0: the arctangent of -0.0 and -1 is -pi, not pi.
+    rpy = _rpy(R.round(12) + 0.0)
     SubElement(collision, "origin", xyz=rounded(center), rpy=rounded(rpy))
     attributes = {name: rounded(size) for name, size in sizes.items()}
     SubElement(SubElement(collision, "geometry"), kind, attributes)

@@ -28,7 +28,7 @@ _LOOKS = (
     + cycler(marker=["", "", "", "o", "o", "o", "s", "s", "s"])
 )
 _MARKS: dict[str, Any] = {
-    "markevery": 0.17,
+    "markevery": 0.17,  # the distance of marks, as a share of the diagonal of the axes
     "markersize": 3.5,
     "markerfacecolor": "white",
     "markeredgewidth": 0.8,

@@ -44,8 +44,8 @@ _SHAFT_ANGLE = np.radians(250)
 _HEAD_ANGLE = 0.6
 #: Distance of the arrow of a motor from the axis of its slide.
 _BESIDE_SLIDE = 0.35
-#: Motors that are closer than this have arrows at one place, for instance in the centre of a
-#: spherical robot. Their arrows are then moved along their axes, away from this place.
+#: Motors that are closer than this would have their arrows at one place, for instance in the centre
+#: of a spherical robot. Then each arrow is moved away from there, against its axis.
 _MEETING = 0.1
 _FROM_CENTRE = 0.93
 #: Radius of the mark of a contact.

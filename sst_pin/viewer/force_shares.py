@@ -94,7 +94,8 @@ def reaction_forces(
     engine = robot.engine
     try:
         w = engine.reactions(q, va, aa, tau, stiffness)
-        # Wrenches are [force; moment]; components that are not unique are NaN.
+        # Forces in joints and closures, shape (n, forces, 3). Wrenches are [force; moment], and
+        # components that are not unique are NaN.
         forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
         # True for each component that is not unique in some sample, shape (forces, 3).
         is_unknown = np.isnan(forces).any(axis=0)

@@ -119,7 +119,7 @@ def test_a_quantity_that_no_referee_can_judge_ends_in_exit_code_1(monkeypatch, c
     monkeypatch.setattr(verify, "_UNCLEAR", 0.0)
     assert main(["verify", "--quick"]) == 1
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last == "no referee can say about: accelerations, forces along the coordinates, torques"
+    assert last == "no referee can judge: accelerations, forces along the coordinates, torques"
 
 
 def test_mujoco_takes_dense_jacobians_of_large_robots():
