@@ -126,7 +126,16 @@ class Measurement(ABC):
         if angles.ndim != 2 or not len(angles):
             expected = f"(N, {coordinates}), with a row for each value"
             raise InputError("x", f"shape {angles.shape}, expected {expected}")
+        self._check_noise()
         return len(angles)
+
+    def _check_noise(self) -> None:
+        """Refuse a noise that does not have one number for each kind of values."""
+        numbers = len(self.noise) if isinstance(self.noise, tuple) else 1
+        if self.noise is not None and numbers != self.number_of_kinds:
+            if self.number_of_kinds == 2:
+                raise InputError("noise", "of poses: two numbers, of positions and orientations")
+            raise InputError("noise", f"{self.noise}, expected one number")
 
     @property
     def number_of_kinds(self) -> int:
@@ -136,9 +145,10 @@ class Measurement(ABC):
     @property
     def noise_of_kinds(self) -> list[float | None]:
         """The noise of each kind of values; None to estimate it."""
-        stated = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
-        noises = [None if x is None else positive_number("noise", x) for x in stated]
-        return noises[: self.number_of_kinds]
+        if self.noise is None:
+            return [None] * self.number_of_kinds
+        stated = self.noise if isinstance(self.noise, tuple) else (self.noise,)
+        return [None if x is None else positive_number("noise", x) for x in stated]
 
     @abstractmethod
     def rows(self, frames: MeasuredFrames) -> list[Rows]:
@@ -182,9 +192,6 @@ class Poses(Measurement):
         if np.isinf(array).any():
             raise InputError("poses", "an entry is infinite; NaN says that it was not measured")
         if array.ndim == 3:
-            has_two = isinstance(self.noise, tuple) and len(self.noise) == 2
-            if self.noise is not None and not has_two:
-                raise InputError("noise", "of poses: two numbers, of positions and orientations")
             self._check_orientations(array)
         return size
 

@@ -249,6 +249,9 @@ def test_wrong_measurements_are_refused():
     for noise in (1e-3, (1e-3,), (1e-3, 1e-3, 1e-3)):
         with pytest.raises(InputError, match="noise: of poses: two numbers"):
             calibrate_with(drawn, [Poses("platform", x, poses=poses, noise=noise)], which=MOTORS)
+    for noise in ((1e-3, 1e-3), ()):
+        with pytest.raises(InputError, match="expected one number"):
+            calibrate_with(drawn, [Heights("platform", x, heights=z, noise=noise)], which=MOTORS)
     few = Heights("platform", x[:3], heights=z[:3])
     with pytest.raises(InputError, match="3 equations for 3 errors"):
         calibrate_with(drawn, [few], which=MOTORS)
