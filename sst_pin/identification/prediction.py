@@ -81,7 +81,9 @@ def _motor_table(chain: ClosedChain, found: Estimate, predicted: Array, tau: Arr
     for k, motor in enumerate(chain.motor_names):
         unit = units[k]
         noise = f"{found.noise[k]:.3g} {unit}"
-        lines.append(f"| {motor} | {noise} | {error[k]:.3g} {unit} | {error[k] / size[k]:.3f} |")
+        # A motor whose measured torque is always zero has no relative error.
+        relative = f"{error[k] / size[k]:.3f}" if size[k] > 0 else ""
+        lines.append(f"| {motor} | {noise} | {error[k]:.3g} {unit} | {relative} |")
     return lines
 
 

@@ -307,6 +307,18 @@ def test_the_report_marks_what_the_data_do_not_support():
     assert str(result).count("not supported") == np.sum(~result.supported)
 
 
+def test_the_report_has_no_relative_error_of_a_motor_without_torque():
+    """An error relative to zero is no number. The run makes warnings of NumPy errors."""
+    chain, base, states, tau = case("five_bar")
+    tau[:, 0] = 0.0
+    result = estimate(chain, base, *states, tau)
+    motion = chain.trajectory(np.arange(len(tau)), *states, tau=tau)
+    text = identification.report(chain, result, chain.dynamic_parameters, motion)
+    rows = [line.split("|") for line in text.splitlines() if line.startswith("| shoulder")]
+    assert rows[0][4].strip() == ""
+    assert float(rows[1][4]) >= 0
+
+
 def test_the_motion_of_another_robot_is_refused():
     """Its motors stand in the other order: the same joints, rates and torques in other columns."""
     chain, base, states, tau = case("five_bar")
