@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The scene of a robot: shapes, arrows, labels, layers, and where they are in a motion."""
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 
@@ -174,7 +176,7 @@ class Scene:
         Returns:
             Points in the world, shape (k, 3), [m].
         """
-        # Points on each mover. Each arrow is as long as it becomes in the motion, both ways.
+        # Points on each mover.
         points_of_movers: dict[str, list[Array]] = {}
 
         def add(shape: Shape, at: Array) -> None:
@@ -184,10 +186,15 @@ class Scene:
         for shape in self.shapes:
             if self.layers[shape.layer]:
                 add(shape, shape.at)
+        # Each arrow is as long as it becomes in the motion. All signs are tried: two of a torque,
+        # and eight of the three components of a force.
         largest = np.abs(effort).max(axis=0)
-        for arrow in self.arrows:
-            add(arrow.shape, arrow.placement(largest))
-            add(arrow.shape, arrow.placement(-largest))
+        forces = self.layout.reactions + self.layout.contacts
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            signs_of_torques = np.full(self.layout.motors, signs[0])
+            signed = largest * np.concatenate([signs_of_torques, np.tile(signs, forces)])
+            for arrow in self.arrows:
+                add(arrow.shape, arrow.placement(signed))
 
         # Points in the world.
         outermost = np.zeros((0, 3))

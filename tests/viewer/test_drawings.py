@@ -12,6 +12,7 @@ from sst_pin.viewer import Viewer
 from sst_pin.viewer.arrows import reaction_arrows
 from sst_pin.viewer.force_shares import contact_forces, reaction_forces
 from sst_pin.viewer.robot_scene import Scene
+from sst_pin.viewer.scene_parts import transform
 from tests.gallery.touching import block_on_slope, frame, tree
 from tests.support.oblique import with_oblique_axes
 
@@ -283,3 +284,20 @@ def test_notes_of_forces_are_about_moving_bodies_and_say_when_there_are_no_force
     floating = sst_pin.ClosedChain(model, [], ["z"])
     zeros = np.zeros((2, 1))
     assert reaction_forces(floating, zeros, zeros, zeros, None, None).note == "No forces in joints."
+
+
+@pytest.mark.parametrize("signs", [(1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)])
+def test_the_camera_sees_an_arrow_in_any_direction(signs):
+    robot = robots.delta()
+    scene = Scene(robot, None, reactions=True)
+    q = scene.start
+    effort = np.zeros(scene.layout.contact(0))
+    first = scene.layout.reaction(0)
+    effort[first : first + 3] = np.array(signs) / np.sqrt(3)
+    arrow = next(a for a in scene.arrows if getattr(a, "first", None) == first)
+    points = transform(arrow.shape.mesh.vertices, arrow.placement(effort))
+    points = transform(points, scene.poses(q)[arrow.shape.mover])
+    reach = scene.outermost_points(q[None], effort[None])
+    slack = 0.02 * np.ptp(reach, axis=0).max()  # as above
+    for direction in (points - reach.mean(axis=0)) / scene.size:
+        assert (points @ direction).max() < (reach @ direction).max() + slack
