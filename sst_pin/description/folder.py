@@ -44,7 +44,7 @@ MJCF_PATH = str(_SHIPPED / "sst.xml")
 #: Files that no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 #: Template of the README. It has a table with a row for each parameter: "$name | grade | source".
-#: The value replaces $name; grade and source are those of the paper's value.
+#: The value replaces $name; grade and source are about the paper's value.
 _README = Path(__file__).with_name("readme.md")
 #: The template's text after this line is for the paper's robot only.
 _ONLY_PAPER = "<!-- only the paper's robot -->\n"

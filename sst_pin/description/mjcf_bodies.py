@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Bodies and joints of a robot in an MJCF.
 
-The bodies are those of the normal tree of the robot (`model.normal_tree`). It has the same motions
+The file has the bodies of the robot's normal tree (`model.normal_tree`), which has the same motions
 as the robot. Universal joints, which MuJoCo does not have, are hinges in series there. In this
 module a body is named by the index of its joint in the normal tree; body 0 is the base.
 """
@@ -28,7 +28,7 @@ _LEAST_MASS = 1e-12
 _LEAST_INERTIA = 1e-14
 #: A smaller relative violation of the triangle inequality of moments is rounding.
 _ROUNDING = 1e-9
-#: Types of frames that are points on a body, and of those that are links.
+#: Types of frames that are points on a body, and the type of links.
 POINTS = (pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
 LINK = pin.FrameType.BODY
 
@@ -39,7 +39,7 @@ class MjcfBodies:
     Attributes:
         joints: MuJoCo's joints, in its order.
         elements: The element of each body, the base first.
-        base: The element that contains the bodies on the base: that of the base, or the world.
+        base: The element that contains the bodies on the base: the body of the base, or the world.
         names: Names of the bodies, by index.
         problems: What MJCF cannot express.
         notes: What is left out or written with other numbers.
@@ -81,7 +81,7 @@ class MjcfBodies:
         on_base = self._model.children[0]
         has_free_body = any(_is_free_flyer(self._model.joints[joint]) for joint in on_base)
         self.base = world if has_free_body else base
-        self.elements = [base] * self._model.njoints  # `_add_body` sets those after the base
+        self.elements = [base] * self._model.njoints  # `_add_body` replaces all but the first
         for joint in on_base:
             self._add_body(joint, self.base)
 
@@ -162,12 +162,12 @@ class MjcfBodies:
 
     def _note_velocity_limits(self) -> None:
         """Note the joints whose largest velocities are left out."""
-        limited = list[str]()
+        names = list[str]()
         for joint in self.joints:
             if not joint.mimics and has_velocity_limit(self._mechanism, joint):
-                limited.append(joint.name)
-        if limited:
-            text = f"largest velocities of the joints {listed(limited)} are left out"
+                names.append(joint.name)
+        if names:
+            text = f"largest velocities of the joints {listed(names)} are left out"
             self.notes.append(f"{text}: MuJoCo has none")
 
     def _add_inertia(self, body: Element, index: int) -> None:
@@ -213,17 +213,19 @@ class MjcfBodies:
         inertia = self._model.inertias[index]
         share = float(weight_shares.shares[number])
         offset = weight_shares.offsets[number]
-        compensated = 1 - share
+        gravcomp = 1 - share
         if inertia.mass and (share > 1 or offset.any()):
             added_share = max(1.0, share)
-            compensated += added_share
+            gravcomp += added_share
             at = inertia.lever + offset / added_share
-            gravcomp = -added_share * inertia.mass / _LEAST_MASS
-            added = SubElement(body, "body", gravcomp=numbers([gravcomp]))
+            gravcomp_of_second = -added_share * inertia.mass / _LEAST_MASS
+            second_body = SubElement(body, "body", gravcomp=numbers([gravcomp_of_second]))
             attributes = {"pos": numbers(at), "mass": numbers([_LEAST_MASS])}
-            SubElement(added, "inertial", attributes, diaginertia=numbers([_LEAST_INERTIA] * 3))
-        if compensated:
-            body.set("gravcomp", numbers([compensated]))
+            SubElement(
+                second_body, "inertial", attributes, diaginertia=numbers([_LEAST_INERTIA] * 3)
+            )
+        if gravcomp:
+            body.set("gravcomp", numbers([gravcomp]))
 
 
 def _body_names(model: pin.Model) -> dict[int, str]:
@@ -242,7 +244,8 @@ def _body_names(model: pin.Model) -> dict[int, str]:
         if frame.placement.isIdentity():
             names[frame.parentJoint] = frame.name
 
-    # Names of links and points, and those that are at the origin of a body, with its index.
+    # Names of all links and points. Then names of links and points at the origin of a body, each
+    # with the index of this body.
     names_of_frames = {f.name for f in model.frames if f.type in (*POINTS, LINK)}
     at_origin = {(f.name, f.parentJoint) for f in model.frames if _is_at_origin(f)}
     for joint, name in names.items():

@@ -24,7 +24,7 @@ from .mjcf_attributes import SINGLE, pose_attributes
 from .mjcf_bodies import LINK, POINTS, MjcfBodies
 from .urdf_writer import numbers, rounded
 
-#: Integrator: on the paper's circle the error of Runge-Kutta is 1e-5 rad, that of Euler 1e-2 rad.
+#: Integrator: on the paper's circle Runge-Kutta has an error of 1e-5 rad, Euler of 1e-2 rad.
 #: Jacobian: for large robots MuJoCo uses sparse Jacobians by default, and version 4.0.0 factorises
 #: them wrongly.
 _OPTION = {"timestep": "0.0005", "integrator": "RK4", "jacobian": "dense"}
@@ -51,7 +51,7 @@ class MjcfDocument:
         model: The normal tree of the robot.
         joints: MuJoCo's joints, in its order.
         bodies: The element of each body of the robot's own model, the base first.
-        base: The element for what is fixed to the base: that of the base, or the world.
+        base: The element for what is fixed to the base: the body of the base, or the world.
         notes: What is left out or written with other numbers.
         problems: What MJCF cannot express.
     """

@@ -68,11 +68,11 @@ class MjcfEqualities:
             names: Names of one or two joints or tendons.
             powers: Coefficients of P, the constant first.
         """
-        padded = np.zeros(_MAX_DEGREE + 1)
-        padded[: len(powers)] = powers
+        coefficients = np.zeros(_MAX_DEGREE + 1)
+        coefficients[: len(powers)] = powers
         ends = {f"{kind}{i}": name for i, name in enumerate(names, 1)}
         equalities = self._document.section("equality")
-        SubElement(equalities, kind, ends, polycoef=numbers(padded))
+        SubElement(equalities, kind, ends, polycoef=numbers(coefficients))
 
     def _add_closure(self, number: int, closure: Closure) -> None:
         """Add a weld or a ball; or a hinge, as a ball and a second ball on its axis.

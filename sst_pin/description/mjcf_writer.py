@@ -39,8 +39,8 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
     """
     require_robot("chain", chain)
     require_ending(path, ".xml", ".mjcf")
-    known = chain.mechanism.model.referenceConfigurations
-    configurations = {item.key(): item.data() for item in known}
+    poses = chain.mechanism.model.referenceConfigurations
+    configurations = {item.key(): item.data() for item in poses}
     if "home" in configurations:
         configurations["home"] = chain.home
     document = closed_mjcf(chain.mechanism, home=configurations.get("home"))

@@ -3,7 +3,7 @@
 
 `RigidBody` has the mass properties of one of its bodies. Both check their values.
 
-Frames are those of Sect. 4: {0k} fixed, {1k} on the actuator link, {2k} on the passive link of
+The frames are from Sect. 4: {0k} fixed, {1k} on the actuator link, {2k} on the passive link of
 leg k, {E} on the star, all with their origin in the centre O of the sphere.
 """
 
@@ -122,20 +122,20 @@ class RigidBody(_Values):
         Raises:
             ParametersError: For a negative mass, or numbers that are not finite.
         """
-        added = _number(mass, "mass")
+        point_mass = _number(mass, "mass")
         position = _frozen(at, "at")
         problems = _shape_problems("at", position, (3,))
-        if not (np.isfinite(added) and added >= 0):
-            problems.append(f"mass: {added:g} kg is negative or not finite")
+        if not (np.isfinite(point_mass) and point_mass >= 0):
+            problems.append(f"mass: {point_mass:g} kg is negative or not finite")
         if problems:
             raise ParametersError(problems)
-        total = self.mass + added
-        center = (self.mass * self.center_of_mass + added * position) / total
+        total = self.mass + point_mass
+        center = (self.mass * self.center_of_mass + point_mass * position) / total
         # Steiner's theorem for both masses, at their distances from the common mass centre. With
         # the vector d between them, the sum is the term of the reduced mass m_1 m_2 / (m_1 + m_2)
         # at the distance d.
         d = position - self.center_of_mass
-        steiner = self.mass * added / total * (d @ d * np.eye(3) - np.outer(d, d))
+        steiner = self.mass * point_mass / total * (d @ d * np.eye(3) - np.outer(d, d))
         return RigidBody(total, center, self.inertia + steiner)
 
     def problems(self, name: str) -> list[str]:

@@ -166,9 +166,9 @@ def lofted(loops: Array) -> tuple[Array, Indices]:
     """A closed surface through loops, shape (loops, points, 3).
 
     The vertices are the points of the loops, and the middles of the first and the last loop.
-    Between two loops there are two triangles for each point: those of the first kind come first,
-    then those of the second kind. A fan of triangles about its middle closes each end; these faces
-    come last.
+    Between two loops there are two triangles for each point, one of each kind. All triangles of the
+    first kind come first, then all of the second kind. A fan of triangles about its middle closes
+    each end; these faces come last.
 
     Returns:
         Vertices, shape (n, 3), [m], and faces as indices of vertices, shape (m, 3).
