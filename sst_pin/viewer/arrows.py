@@ -77,7 +77,7 @@ def torque_arrows(
         axis = axes[rate]
         R = along(axis.direction)
         distances = np.linalg.norm(driven_origins - origins[rate], axis=1)
-        # One of the distances is zero: that of this rate from itself.
+        # One of the distances is zero: the distance of this rate from itself.
         meets_others = np.count_nonzero(distances < _MEETING * scale) > 1
         if axis.turns:
             mesh = torque

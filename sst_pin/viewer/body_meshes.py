@@ -22,8 +22,8 @@ _MOST_COLOURS = 32
 def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
     """One shape for each colour that a body has.
 
-    A colour in the description takes precedence over those in the mesh file, as in the URDF's
-    rules.
+    A colour in the description takes precedence over the colours in the mesh file, as in the
+    URDF's rules.
     """
     whole = solid(body.geometry)
     colour_of_body = _hex(body.meshColor)
@@ -65,8 +65,8 @@ def _coloured_parts(body: pin.GeometryObject, whole: Mesh, default: str) -> dict
         return {}
     meshes = {}
     for colour, pieces_of_colour in pieces.items():
-        joined: Any = trimesh.util.concatenate(pieces_of_colour)
-        meshes[colour] = shaded(trimesh.Trimesh(joined.vertices * body.meshScale, joined.faces))
+        mesh: Any = trimesh.util.concatenate(pieces_of_colour)
+        meshes[colour] = shaded(trimesh.Trimesh(mesh.vertices * body.meshScale, mesh.faces))
     vertices = np.vstack([mesh.vertices for mesh in meshes.values()])
     low = vertices.min(axis=0) - whole.vertices.min(axis=0)
     high = vertices.max(axis=0) - whole.vertices.max(axis=0)

@@ -37,10 +37,10 @@ class CommandBuffer:
 
     def send(self, command: Any) -> None:
         """Receive a command of Meshcat."""
-        lowered = command.lower()
-        kind = lowered["type"]
-        path = lowered.get("path", "")
-        packed = umsgpack.packb(lowered)
+        message = command.lower()
+        kind = message["type"]
+        path = message.get("path", "")
+        packed = umsgpack.packb(message)
         if kind == "delete":
             # The commands of this node and of all nodes below it.
             for key in list(self.commands):
@@ -49,7 +49,7 @@ class CommandBuffer:
                     del self.commands[key]
         else:
             # The new command goes to the end, so that an animation follows the nodes that it moves.
-            key = (kind, path, lowered.get("property", ""))
+            key = (kind, path, message.get("property", ""))
             self.commands.pop(key, None)
             self.commands[key] = packed
         if self.listener is not None:

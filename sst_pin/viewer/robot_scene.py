@@ -62,7 +62,7 @@ class Scene:
         start: The first configuration, shape (nq,).
         size: A length of the robot, [m], to which lines, axes and arrows are scaled.
         point: The frame whose path is drawn, or None.
-        shapes: All shapes that do not change with the effort; those of the bodies come first.
+        shapes: All shapes that do not change with the effort; the shapes of bodies come first.
         struts: Shapes that run from one body to another.
         contacts: Places of the contacts. They are movers of their own, because the point of a
             sphere that touches the ground is not fixed to the body.
@@ -165,8 +165,8 @@ class Scene:
     def outermost_points(self, q: Array, effort: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
-        First each mover's outermost points are found in its own frame, and then those of all movers
-        in the world at samples of the motion.
+        First the outermost points of each mover are found in its own frame. From these points, the
+        outermost points in the world are found at samples of the motion.
 
         Args:
             q: Configurations, shape (n, nq).
@@ -192,9 +192,9 @@ class Scene:
         forces = self.layout.reactions + self.layout.contacts
         for signs in itertools.product((1.0, -1.0), repeat=3):
             signs_of_torques = np.full(self.layout.motors, signs[0])
-            signed = largest * np.concatenate([signs_of_torques, np.tile(signs, forces)])
+            signs_of_effort = np.concatenate([signs_of_torques, np.tile(signs, forces)])
             for arrow in self.arrows:
-                add(arrow.shape, arrow.placement(signed))
+                add(arrow.shape, arrow.placement(largest * signs_of_effort))
 
         # Points in the world.
         outermost = np.zeros((0, 3))
@@ -203,8 +203,8 @@ class Scene:
         for i in np.unique(np.linspace(0, len(q) - 1, _SAMPLES).round().astype(int)):
             poses = self.poses(q[i])
             for mover, points in points_of_movers.items():
-                placed = transform(np.vstack(points), poses[mover])
-                outermost = np.vstack([outermost, placed])
+                points_in_world = transform(np.vstack(points), poses[mover])
+                outermost = np.vstack([outermost, points_in_world])
             outermost = _farthest(outermost)
         return outermost
 
@@ -270,7 +270,7 @@ class Scene:
         return poses[:, :3, :3] @ self.point.placement.translation + poses[:, :3, 3]
 
     def _size(self, robot: ClosedChain, shapes_of_bodies: list[Shape]) -> float:
-        """A length of the robot, [m]: that of its `appearance`, or one that its shapes give.
+        """A length of the robot, [m]: the size in its `appearance`, or a length from its shapes.
 
         From shapes it is a quarter of the diagonal of their bounding box at the start; without
         shapes, of the bounding box of the skeleton.

@@ -3,7 +3,7 @@
 
 A scene is a tree of nodes. Each shape is a mesh that is fixed to a *mover*: a body, a strut or a
 contact. The placement of a mover changes with the configuration. Placements are homogeneous
-matrices, shape (4, 4); those of arrows, marks and struts also scale their shapes.
+matrices, shape (4, 4). The matrices of arrows, marks and struts also scale their shapes.
 
 The size of an arrow changes with the *effort*, and so does the visibility of a mark. An effort is
 a vector of the torques of all motors, then the forces of reactions, then the forces of contacts,

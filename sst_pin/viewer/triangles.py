@@ -67,8 +67,8 @@ def _tangents(points: Array) -> Array:
     lengths = np.linalg.norm(steps, axis=1)
     if not lengths.any():
         return np.tile((0.0, 0.0, 1.0), (len(points), 1))
-    # A step of length zero takes the direction of the last step before it that has a length. At the
-    # start of the line it takes that of the first step that has one.
+    # A step of length zero takes the direction of the last step before it that has a length. Steps
+    # of length zero at the start of the line take the direction of the first step with a length.
     directions = np.empty_like(steps)
     first = np.argmax(lengths > 0)
     direction = steps[first] / lengths[first]

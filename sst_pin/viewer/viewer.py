@@ -205,24 +205,24 @@ class Viewer:
 
         # Forces and curves: a nonsmooth motion has contacts, others have torques and reactions.
         samples = samples_of_page(len(states))
-        shown = states[samples]
+        page_motion = states[samples]
         contacts = NO_FORCES
         reactions = NO_FORCES
         if isinstance(motion, NonsmoothRollout):
-            curves = [joints_of(self._robot, shown.q), rates_of(shown)]
+            curves = [joints_of(self._robot, page_motion.q), rates_of(page_motion)]
             if self._scene.contacts:
                 forces = mean_forces(motion.contact_forces, samples)
                 contacts = contact_forces(self._robot, forces)
         else:
-            curves = curves_of(self._robot, shown)
-            reactions = self._reactions_of(shown)
-        shares = torque_shares(self._robot, shown.tau)
+            curves = curves_of(self._robot, page_motion)
+            reactions = self._reactions_of(page_motion)
+        shares = torque_shares(self._robot, page_motion.tau)
         effort = self._scene.layout.efforts(shares, reactions.shares, contacts.shares)
 
         # The scene, and the points that the camera must see.
         reference = thinned(states if wanted is None else wanted).q
-        self._drawing.animate(shown, effort, reference, ghost)
-        points = self._scene.outermost_points(shown.q, effort, reference)
+        self._drawing.animate(page_motion, effort, reference, ghost)
+        points = self._scene.outermost_points(page_motion.q, effort, reference)
         layers = self._scene.layers
         if ghost is not None:
             no_effort = np.zeros_like(effort[:1])
@@ -237,7 +237,7 @@ class Viewer:
             outermost_points=points,
             curves=[*contacts.curves, *curves, *reactions.curves],
             note=contacts.note or reactions.note,
-            t=shown.t,
+            t=page_motion.t,
             speed=speed,
             layers=layers,
         )
@@ -426,7 +426,7 @@ class Viewer:
             note: A text below the curves.
             t: Times of the curves, [s].
             speed: Speed of the animation.
-            layers: Layers, and whether each is shown at first; by default those of the scene.
+            layers: Layers, and whether each is shown at first; by default the scene's.
         """
         robot = self._robot
         scene = self._scene
