@@ -64,22 +64,22 @@ def convex_set(
     from scipy.spatial import ConvexHull, QhullError
 
     points = _points_of(shape) if isinstance(shape, Ellipsoid) else shape
-    shown = list(plane) if ax.name != "3d" else [0, 1, 2]
-    drawn = finite_array("at", at, (3,)) + scale * finite_array("shape", points, (3,))
-    if drawn.ndim != 2:
+    axes_of_base = list(plane) if ax.name != "3d" else [0, 1, 2]
+    points_in_space = finite_array("at", at, (3,)) + scale * finite_array("shape", points, (3,))
+    if points_in_space.ndim != 2:
         raise InputError("shape", f"shape {np.shape(points)}, expected (N, 3)")
     try:
-        hull = ConvexHull(drawn[:, shown])
+        hull = ConvexHull(points_in_space[:, axes_of_base])
     except (QhullError, ValueError):
         raise InputError("shape", "flat in these axes") from None
     look = {"alpha": 0.4} | look
     if ax.name != "3d":
-        ax.add_patch(Polygon(drawn[hull.vertices][:, shown], closed=True, **look))
+        ax.add_patch(Polygon(points_in_space[hull.vertices][:, axes_of_base], closed=True, **look))
         ax.set_aspect("equal", adjustable="datalim")
         ax.autoscale_view()
         return ax
-    ax.add_collection3d(Poly3DCollection(drawn[hull.simplices], **look))
-    ax.auto_scale_xyz(*drawn.T)
+    ax.add_collection3d(Poly3DCollection(points_in_space[hull.simplices], **look))
+    ax.auto_scale_xyz(*points_in_space.T)
     return ax
 
 

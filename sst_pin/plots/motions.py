@@ -34,13 +34,13 @@ _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)),
 
 def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = None) -> Axes:
     """Torques or forces of the motors over time (Fig. 10)."""
-    shown = _torques(motion).pick(motors)
-    digits = [curves.digits_of(name) for name in shown.names]
+    selection = _torques(motion).pick(motors)
+    digits = [curves.digits_of(name) for name in selection.names]
     if all(digits) and len(set(digits)) == len(digits):
         labels = [rf"$\tau_{curves.subscript(k)}$" for k in digits]
     else:
-        labels = [curves.label(name) for name in shown.names]
-    return curves.draw(ax, motion.t, shown, labels, curves.FORCE[shown.unit()], zero=True)
+        labels = [curves.label(name) for name in selection.names]
+    return curves.draw(ax, motion.t, selection, labels, curves.FORCE[selection.unit()], zero=True)
 
 
 def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = None) -> Axes:
@@ -48,9 +48,9 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
 
     A continuous joint, which is a cosine and a sine in q, is drawn as one angle.
     """
-    shown = _positions(motion).pick(joints)
-    labels = [curves.label(name) for name in shown.names]
-    return curves.draw(ax, motion.t, shown, labels, curves.POSITION[shown.unit()])
+    selection = _positions(motion).pick(joints)
+    labels = [curves.label(name) for name in selection.names]
+    return curves.draw(ax, motion.t, selection, labels, curves.POSITION[selection.unit()])
 
 
 def joint_rates(
@@ -58,9 +58,9 @@ def joint_rates(
 ) -> Axes:
     """Rates of joints over time."""
     require_robot("robot", robot)
-    shown = _rates(robot, motion).pick(joints)
-    labels = [curves.label(name, r"\dot") for name in shown.names]
-    return curves.draw(ax, motion.t, shown, labels, curves.RATE[shown.unit()], zero=True)
+    selection = _rates(robot, motion).pick(joints)
+    labels = [curves.label(name, r"\dot") for name in selection.names]
+    return curves.draw(ax, motion.t, selection, labels, curves.RATE[selection.unit()], zero=True)
 
 
 def powers(
@@ -69,16 +69,16 @@ def powers(
     """Power of each motor, of all motors together, and of friction, over time."""
     require_robot("robot", robot)
     all_powers = _powers(robot, motion)
-    shown = all_powers.pick(motors)
+    selection = all_powers.pick(motors)
     labels = []
-    for name in shown.names:
+    for name in selection.names:
         digits = curves.digits_of(name)
         labels.append(f"motor {digits}" if digits else curves.label(name))
     others = [StyledCurve(all_powers.values.sum(axis=1), "all motors", _ALL)]
     if not robot.friction.none:
         friction = robot.friction_power(motion.q, motion.va)
         others.append(StyledCurve(friction, "friction", _FRICTION))
-    return curves.draw(ax, motion.t, shown, labels, "power (W)", others=others, zero=True)
+    return curves.draw(ax, motion.t, selection, labels, "power (W)", others=others, zero=True)
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -90,21 +90,21 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     balance = balance_of(robot.engine, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
-    shown = Curves(names, ("J", "J", "J"), values)
+    selection = Curves(names, ("J", "J", "J"), values)
     others = []
     if not robot.friction.none:
         others.append(StyledCurve(balance.friction, "work of friction", _FRICTION))
     label = rf"residual $\leq$ {upper_bound(np.abs(balance.error).max())} J"
     others.append(StyledCurve(balance.error, label, _RESIDUAL))
-    return curves.draw(ax, motion.t, shown, names, "energy since start (J)", others=others)
+    return curves.draw(ax, motion.t, selection, names, "energy since start (J)", others=others)
 
 
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """Distance from singularities over time: 1 is best, infinite at a singularity.
 
-    The curves are those of `robot.singularity_measures`. For any closed chain, it is the condition
-    number of the columns of Phi for the dependent joints, without units. For an SST there are two:
-    the condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
+    The curves are the measures of `robot.singularity_measures`. A closed chain has one: the
+    condition number of the columns of Phi for the dependent joints, without units. An SST has two
+    others: the condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
     """
     require_robot("robot", robot)
     require_motion(motion, robot.mechanism)
@@ -113,9 +113,9 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     values = np.stack([*measures.values()], axis=1)
     if values.max() > max(20, 10 * values.min()):  # more than a decade, and large
         ax.set_yscale("log")
-    shown = Curves(names, ("",) * len(names), values)
+    selection = Curves(names, ("",) * len(names), values)
     labels = [curves.formula(name) for name in names]
-    return curves.draw(ax, motion.t, shown, labels, "condition number (1)", columns=1)
+    return curves.draw(ax, motion.t, selection, labels, "condition number (1)", columns=1)
 
 
 def _torques(motion: Trajectory) -> Curves:

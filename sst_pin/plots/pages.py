@@ -120,8 +120,8 @@ def _panels_of(
         star = cast(SST, robot)  # only an SST is drawn on a sphere
         return [_Panel(lambda ax: paths_on_sphere(ax, star, [("path", motion)]), "3d")]
     if frame is None and appearance.point is None:
-        known = ", ".join(dict.fromkeys(f.name for f in robot.mechanism.model.frames))
-        raise InputError("frame", f"name the frame of the path: frame= (--frame) one of {known}")
+        names = ", ".join(dict.fromkeys(f.name for f in robot.mechanism.model.frames))
+        raise InputError("frame", f"name the frame of the path: frame= (--frame) one of {names}")
     name = frame or PLATFORM
     is_planar = plane_of(origins_of(robot, motion, name)) is not None
     return [_Panel(lambda ax: frame_path(ax, robot, motion, name), None if is_planar else "3d")]

@@ -16,7 +16,7 @@ def tolerance_shares(ax: Axes, tolerances: Tolerances, most: int = 12) -> Axes:
     Args:
         ax: 2-D axes.
         tolerances: The result of a tolerance analysis.
-        most: The most tolerances that are shown; those with the largest sums of parts come first.
+        most: The most tolerances that are shown: the ones with the largest sums of parts.
     """
     require_instance("tolerances", tolerances, Tolerances)
     # A row for each subject, such as "position", and a column for each tolerance.

@@ -56,16 +56,16 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
     """
     require_robot("robot", robot)
     points = origins_of(robot, motion, frame)
-    shown = [0, 1, 2] if ax.name == "3d" else plane_of(points)
-    if shown is None:
+    axes_of_base = [0, 1, 2] if ax.name == "3d" else plane_of(points)
+    if axes_of_base is None:
         raise InputError("ax", f"the path of {frame} lies in no plane: give axes with 3d")
-    ax.plot(*points[:, shown].T, color=LEG_COLOURS[0], label=frame)
-    ax.plot(*points[:1, shown].T, "o", color="black", markersize=3)
+    ax.plot(*points[:, axes_of_base].T, color=LEG_COLOURS[0], label=frame)
+    ax.plot(*points[:1, axes_of_base].T, "o", color="black", markersize=3)
     if ax.name == "3d":
         _set_space_around(ax, points)
         ax.legend(loc="lower left", bbox_to_anchor=(0.1, 0.97))
     else:
-        names = [f"${'xyz'[i]}_0$ (m)" for i in shown]
+        names = [f"${'xyz'[i]}_0$ (m)" for i in axes_of_base]
         ax.set_aspect("equal", adjustable="datalim")
         ax.set(xlabel=names[0], ylabel=names[1])
         legend_above(ax)
@@ -131,25 +131,25 @@ def paths_on_sphere(
         '$z_0$ (m)'
     """
     _require_sst(robot)
-    labelled = list[tuple[str, Trajectory]]()
+    motions_with_labels = list[tuple[str, Trajectory]]()
     try:
         for label, motion in motions:
-            labelled.append((label, motion))
+            motions_with_labels.append((label, motion))
     except (TypeError, ValueError):
         raise InputError("motions", "pairs of a label and a motion are needed") from None
-    for _, motion in labelled:
+    for _, motion in motions_with_labels:
         require_motion(motion, robot.mechanism)
     radius = robot.star_radius if radius is None else radius
     _draw_triangle(ax, robot, radius, "v")
-    styles = PATHS if len(labelled) > 1 else PATHS[1:]
+    styles = PATHS if len(motions_with_labels) > 1 else PATHS[1:]
     directions = [robot.geometry.R_0[:, :, 0]]  # v_1, v_2, v_3
-    for (label, motion), look in zip(labelled, styles, strict=False):
+    for (label, motion), look in zip(motions_with_labels, styles, strict=False):
         s = robot.platform_orientation(motion.q)[:, :, 0]  # from O to E
         ax.plot(*(radius * s).T, label=label, zorder=10, **look)
         directions.append(s)
     # A dot at the start of the last path.
     ax.plot(*(radius * s[:1]).T, "o", color="black", markersize=3, zorder=11)
-    if len(labelled) > 1:
+    if len(motions_with_labels) > 1:
         ax.legend(loc="upper left", bbox_to_anchor=(-0.05, 1.0), handlelength=2.6)
     _equal_space(ax, robot, radius, np.concatenate(directions))
     return ax
