@@ -96,7 +96,7 @@ def source_of(path: Path) -> Path | BinaryIO:
 def require_extras(**packages: str) -> None:
     """Raise a MissingExtraError if packages are missing.
 
-    `packages` are keyword arguments: the name is that of an extra, the value one of its packages.
+    `packages` are keyword arguments: the name of an extra, and as value one of its packages.
     """
     missing = {extra: name for extra, name in packages.items() if find_spec(name) is None}
     if missing:

@@ -51,31 +51,34 @@ def identify(arguments: argparse.Namespace) -> int:
         start=log.start,
     )
     end_of_fit = 2 * len(motion) // 3
-    fitted = motion[:end_of_fit]
-    unseen = motion[end_of_fit:]
+    motion_of_fit = motion[:end_of_fit]
+    motion_of_validation = motion[end_of_fit:]
 
     # The combinations of parameters that motions show, their values, and bodies that have them.
     base = identification.base_parameters(robot, _patterns(robot, arguments.which, masses))
     estimate = identification.estimate(
         robot,
         base,
-        fitted.q,
-        fitted.va,
-        fitted.aa,
-        fitted.tau,
+        motion_of_fit.q,
+        motion_of_fit.va,
+        motion_of_fit.aa,
+        motion_of_fit.tau,
         robust=arguments.robust,
         decimate=decimate,  # as above, so that torques and regressor pass the same filter
     )
     theta = identification.consistent_parameters(robot, estimate)
 
     # The report, its picture, and the URDF.
-    report = identification.report(robot, estimate, theta, unseen)
+    report = identification.report(robot, estimate, theta, motion_of_validation)
     files = dict[Path, Writer]()
     if with_picture:
         from .. import plots
 
         name = output.with_name(f"{output.stem}_torques.png")
-        page = plots.torques_page(unseen, identification.predicted_torques(robot, theta, unseen))
+        page = plots.torques_page(
+            motion_of_validation,
+            identification.predicted_torques(robot, theta, motion_of_validation),
+        )
         files[name] = plots.figure_writer(page, name)
         report += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
     if urdf is not None:
@@ -124,15 +127,15 @@ def _decimation(t: Array, cutoff: float) -> int:
 def _advice(robot: ClosedChain, estimate: identification.Estimate) -> str:
     """What to do about combinations that the log does not support."""
     names = np.array(robot.dynamic_parameters.names)
-    supported = names[estimate.base.columns[estimate.supported]]
-    if not len(supported):
+    supported_names = names[estimate.base.columns[estimate.supported]]
+    if not len(supported_names):
         return (
             "no combination is supported: a faster or longer motion is needed, or fewer parameters "
             "by --which"
         )
     return (
         "values that are not supported stay unknown; this considers only the supported ones: "
-        f"--which {','.join(supported)}"
+        f"--which {','.join(supported_names)}"
     )
 
 
