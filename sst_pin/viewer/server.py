@@ -30,8 +30,8 @@ from ..errors import ServerError
 Message = bytes | str
 #: Time for clients to close their connections, [s].
 _CLOSING_TIME = 1.0
-#: While a page has more unread bytes than this, it gets no further messages. Many frames of a
-#: motion are smaller, and the memory of this machine holds as much for many pages.
+#: While a page has more unread bytes than this, it gets no further messages. The messages of many
+#: frames of a motion fit into this size, and the memory of a computer holds it for many pages.
 _MOST_UNREAD = 2**22
 
 
