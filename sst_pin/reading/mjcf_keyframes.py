@@ -5,11 +5,12 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from ..errors import SSTError
 from ..loops.loops import Loops
 from ..model.thresholds import CLOSURE_TOLERANCE
 from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
-from .robot_file import RobotFile, naming
+from .robot_file import RobotFile
 
 #: Number of entries of `qpos` for each type of joint.
 _SIZES = {FREE: 7, BALL: 4, HINGE: 1, SLIDE: 1}
@@ -82,8 +83,10 @@ def put_home(robot: RobotFile, q: Array) -> None:
     q = pin.normalize(model, q)
     loops = Loops(model, robot.closures)
     loops.evaluate(q)
-    with naming(robot.source):
+    try:
         row_scale = robot.uncorrected_mechanism().row_scale
+    except SSTError:  # no such robot can be made: whoever makes it tells why, after all notes
+        return
     gaps = np.abs(loops.f * row_scale)  # in lengths of the loops, or [rad]
     if gaps.max(initial=0.0) <= CLOSURE_TOLERANCE:
         model.referenceConfigurations["home"] = q

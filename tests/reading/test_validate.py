@@ -256,6 +256,24 @@ def test_an_mjcf_is_judged_too(tmp_path, old, new, told):
         sst_pin.validate(path, "cuts.yaml")
 
 
+def test_an_mjcf_of_no_robot_keeps_the_notes_on_its_file(tmp_path):
+    """The search for a home must not end before the notes are told."""
+    path = tmp_path / "ball.xml"
+    path.write_text(
+        "<mujoco><worldbody><body><joint name='b_wx' axis='0 1 0'/><geom size='1'/>"
+        "<body pos='9 0 0'><joint name='b' type='ball' range='0 1' limited='true'/>"
+        "<geom size='1'/></body></body></worldbody></mujoco>"
+    )
+    problems = list(map(str, sst_pin.validate(path)))
+    assert problems[0].startswith("error: robot: joints b_wx and b: b_wx names a rate of both")
+    assert "warning: file: joint b: the limit of a ball is ignored" in problems
+    with (
+        pytest.warns(sst_pin.DescriptionWarning, match="the limit of a ball is ignored"),
+        pytest.raises(sst_pin.DescriptionError, match="b_wx names a rate of both"),
+    ):
+        sst_pin.ClosedChain.from_mjcf(path)
+
+
 UNIVERSAL = """<robot name="r"><link name="base"/><link name="cross"/>
 <link name="arm"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
