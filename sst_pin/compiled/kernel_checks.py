@@ -5,13 +5,21 @@ A kernel is code without branches. Its order of elimination was chosen at a few 
 configurations and is not valid everywhere. So a kernel returns checks of
 
 - the state: the loops are closed, no pivot is much smaller than at the sample configurations;
-- redundant rows: rows of Phi that follow from the others at regular configurations, and that the
-  solution of Phi x = b leaves out, hold too;
+- redundant rows: the solution of Phi x = b satisfies them too;
 - solutions x of linear systems A x = b: the residual A x - b is no larger than rounding;
 - the motors and the mass matrix.
 
 Checks have no branches either, because kernels compute several samples side by side. If b may be
 zero, the condition |a| <= |b| is checked as a^2 - b^2 <= 0 up to rounding, not as a / b <= 1.
+
+**Redundant rows.** At regular configurations, redundant rows of Phi follow from the others. Phi_u,
+the columns of the dependent rates, is factorised in parts of two kinds (see `loop_factors`):
+
+- A part of the class `Factors` solves as many rows as it has dependent rates, by elimination. It
+  leaves its redundant rows out.
+- A part of the class `Orthogonal` fits its rows by least squares.
+
+*Rows at risk* are rows that a solution may violate: the rows left out, and the rows fitted.
 
 **Residuals.** A computed solution x of A x = b leaves the residual r = A x - b. Rounding alone
 makes |r| a few times eps |A| |x|, where eps is the relative rounding of a number. The bound is
@@ -23,12 +31,12 @@ Computing r would cost a product with A for each solution. Instead a kernel comp
 with a fixed *probe vector* s of random signs. It computes s^T A once for all solutions.
 
 One number is enough. The entries of r come from different roundings. With random signs, s . r is
-close to a normal variable with mean zero and standard deviation |r|. If |r| is k times the bound,
-|s . r| is below the bound with a probability of about 0.8 / k: the density of a normal variable at
-zero, 0.4 / |r|, times the width 2 |r| / k. For instance k = 100 means |r| = 100 * 30 eps |A| |x|,
-which is still below 1e-12 |A| |x|. Less than one in 100 of such samples passes. With a residual ten
-times larger, a tenth as many pass. The signs are the same in all runs, so that a sample gets the
-same verdict each time.
+close to a normal variable with mean zero and standard deviation |r|. The density of this variable
+is at most 0.4 / |r|. Let |r| be k times the bound. The check misses this if s . r is between
+-|r| / k and |r| / k. The probability of this is at most the density times the width of this
+interval: 0.4 / |r| * 2 |r| / k = 0.8 / k. An example is k = 100, where |r| = 100 * 30 eps |A| |x|
+is still only 7e-13 |A| |x|. It is missed in less than one of 100 samples. The signs are the same in
+all runs, so that a sample gets the same verdict each time.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -76,8 +84,9 @@ class _Probe(NamedTuple):
     """The probe vector s of residuals A x - b, and s^T A.
 
     The entries of s are random signs times the scales that make rows of A free of units, divided by
-    `unit`, which is one of these scales. If all scales are equal, the entries are 1 or -1, and
-    products with them cost nothing.
+    `unit`, which is one of these scales. `_large_residual` divides the bound by `unit` too, so that
+    the check is the same for any `unit`. With this one, the entries are 1 or -1 if all scales are
+    equal, and products with them cost nothing.
 
     There are two systems:
 
@@ -145,12 +154,14 @@ class Checks:
         """The sum of squares of the scaled residuals, relative to the square of the bound.
 
         If it is at most 1, each residual is at most the bound. To find the largest residual would
-        take a branch for each. The `squared_gap` of a row is its term of the sum. Rows may share a
-        term, such as the two rows that keep the axis of a hinge parallel: then the first row has
-        it, and the others have zero.
+        take a branch for each. The term of a row is its squared scale times `Row.squared_gap`. Some
+        rows that hold rotations have only one gap together, such as the two rows that keep the axis
+        of a hinge parallel: the first row has this gap, and the others have zero. The scales of
+        all rows that hold rotations are 1.
         """
         e = self._equations
-        squares = [s**2 * x.squared_gap for s, x in zip(self._row_scale, e.rows, strict=True)]
+        rows = zip(self._row_scale, e.rows, strict=True)
+        squares = [scale**2 * row.squared_gap for scale, row in rows]
         return total(squares) / self._closed**2 + self.unit_lengths
 
     @property
@@ -162,9 +173,9 @@ class Checks:
     def small_pivots(self) -> Any:
         """More than 1 where a pivot of Phi_u is much smaller than at the sample configurations.
 
-        It is the sum of (size / (1000 pivot))^2 over all pivots. The size of a pivot is its largest
-        one at the sample configurations. In parts of the class `Orthogonal` (see `_redundant`), a
-        pivot is a squared length, so that its term is (size / (1000^2 pivot))^2.
+        A pivot is too small if it is less than 1/1000 of `size`, its largest one at the sample
+        configurations. `pivot_check` of a part returns the sum of (size / (1000 pivot))^2 over its
+        pivots. In an `Orthogonal`, a pivot is a squared length, so 1000 is squared too.
         """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
@@ -181,16 +192,14 @@ class Checks:
         least = 2 * LEAST_LENGTH * e.mechanism.length
         return [least / line.length for line in e.tree.lines]
 
-    # --- redundant rows -----------------------------------------------------------------------
+    # --- rows at risk -------------------------------------------------------------------------
 
     @cached_property
-    def _redundant(self) -> list[int]:
+    def _rows_at_risk(self) -> list[int]:
         """Rows of Phi that a solution of Phi x = b may violate, by number.
 
-        Phi_u consists of parts. A part of the class `Factors` is solved by elimination. It chooses
-        as many rows as there are dependent rates, solves these and leaves out the others, which are
-        redundant. A part of the class `Orthogonal` fits all of its rows by least squares
-        (Gram-Schmidt), so that no row is left out.
+        These are all rows but those that a part of the class `Factors` solves. Rows without entries
+        are left out, because no rates can violate them.
         """
         e = self._equations
         solved = set[int]()
@@ -201,7 +210,7 @@ class Checks:
 
     @property
     def _largest_violation(self) -> float:
-        """Largest violation of redundant rows, free of units.
+        """Largest violation of the rows at risk, free of units.
 
         `INCONSISTENT` is in multiples of the tolerance of closed loops, which is twice `closed`;
         see `CLOSED`.
@@ -210,13 +219,16 @@ class Checks:
 
     @property
     def _redundant_in_rates(self) -> list[Any]:
-        """More than 1 where redundant rows allow fewer rates than the others: Phi L != 0."""
+        """More than 1 where the rates L va violate rows at risk: Phi L != 0.
+
+        There the redundant rows allow fewer rates than the others.
+        """
         e = self._equations
-        if not self._redundant:
+        if not self._rows_at_risk:
             return []
         units = self._rate_scale[e.mechanism.coordinates]
         squares = []
-        for i in self._redundant:
+        for i in self._rows_at_risk:
             for L, unit in zip(e.L, units, strict=True):
                 # Row i of Phi times a column of L.
                 violation = total(x * L[j] for j, x in e.rows[i].Phi.items() if j in L)
@@ -224,7 +236,7 @@ class Checks:
         return [total(squares) / self._largest_violation**2]
 
     def redundant_in_accelerations(self, x: Sparse) -> list[Any]:
-        """More than 1 where accelerations x at v violate redundant rows: Phi x + Phi_dot v != 0.
+        """More than 1 where accelerations x at v violate rows at risk: Phi x + Phi_dot v != 0.
 
         At some poses the rates fit all rows but the accelerations do not. An example is the pose in
         which an overconstrained frame can shake but not move.
@@ -242,14 +254,15 @@ class Checks:
         which also holds where r, v and x are zero up to rounding.
         """
         e = self._equations
-        if not self._redundant:
+        if not self._rows_at_risk:
             return []
         scale = self._rate_scale
         no_accelerations: Sparse = {}
         violations = []
-        for i in self._redundant:
+        for i in self._rows_at_risk:
             row = e.rows[i]
             Phi_x = total(entry * x[j] for j, entry in row.Phi.items() if j in x)
+            # The acceleration of a row at rates v and accelerations dv is Phi dv + Phi_dot v.
             Phi_dot_v = row.acceleration(e.v, no_accelerations)
             violations.append(self._row_scale[i] * (Phi_dot_v + Phi_x))
         r_squared = total(violation**2 for violation in violations)
@@ -263,7 +276,8 @@ class Checks:
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
 
-        Only rows that elimination changes are checked: in the others no entry can grow. The bound
+        Only rows with entries that elimination changes are checked: in the others no entry can
+        grow. Rows of an `Orthogonal` are not among them, because no entry of it grows. The bound
         takes |x_u| of the dependent rates as |x|: the other rates are known, and x_u solves a
         system with the matrix Phi_u.
         """
@@ -274,8 +288,8 @@ class Checks:
     def unbalanced(self, tau: Sparse) -> list[Any]:
         """More than 1 where the multipliers x do not solve Phi_u^T x = tau_u.
 
-        tau_u are the forces tau along the dependent rates. Only the columns of Phi_u that
-        elimination changes are checked.
+        tau_u are the forces tau along the dependent rates. Only the columns of Phi_u with entries
+        that elimination changes are checked, for the same reason as in `unsolved`.
         """
         x = self._equations.multipliers(tau)
         scale = self._row_scale
@@ -287,7 +301,7 @@ class Checks:
     def _probe_of_rates(self) -> _Probe:
         """The probe of Phi x = b, on the rows of Phi that elimination changes."""
         e = self._equations
-        rows, _ = e.factors.changed_elements
+        rows, _ = e.factors.changed_elements  # of Phi_u: rows and columns that elimination changes
         unit, s = _random_signs(rows, self._row_scale)
         s_Phi: Sparse = {}  # s^T Phi, by rate
         for i, sign in s.items():
@@ -298,7 +312,7 @@ class Checks:
     def _probe_of_multipliers(self) -> _Probe:
         """The probe of Phi_u^T x = b, on the columns of Phi_u that elimination changes."""
         e = self._equations
-        _, columns = e.factors.changed_elements
+        _, columns = e.factors.changed_elements  # of Phi_u, as in `_probe_of_rates`
         unit, s = _random_signs(columns, self._rate_scale)
         Phi_s: Sparse = {}  # s^T Phi_u^T, by row of Phi
         for i in e.factors.rows:
@@ -417,7 +431,8 @@ class Checks:
         with the inertia I of the whole robot. I |L e_k|^2 is the inertia that the coordinate would
         have if all bodies moved as the joints do at its unit rate.
 
-        The factors have the inverses of the pivots. The first check refuses negative pivots. A
+        The factors have the inverses of the pivots and the entries A_kk. Both are in the order of
+        the coordinates, as the columns L e_k are. The first check refuses negative pivots. A
         positive pivot is large enough if its bound times its inverse is at most 1. The second check
         is the sum of these products over all pivots: one check for all, and a little stricter.
         """
