@@ -48,7 +48,7 @@ class CoordinateChange:
       user allows.
     - `allow_nearer` raises the limit on the way to a singular configuration, perhaps beyond the
       largest one.
-    - `restore` lowers the limit to the largest one before the step over this configuration.
+    - `restore` lowers the limit to the largest one if no step leads over this configuration.
     - `settle_behind` chooses coordinates behind the configuration, and sets a limit above their
       condition number, perhaps beyond the largest one.
 
@@ -87,7 +87,7 @@ class CoordinateChange:
         self.limit *= _NEAR_SINGULARITY
 
     def restore(self) -> None:
-        """Lower the limit to the largest one that a user allows, after an approach."""
+        """Lower the limit to the largest one that a user allows, after a failed crossing."""
         self.limit = min(self._largest, self.limit)
 
     def should_settle(self, state: MotionState, *, near_singularity: bool) -> bool:

@@ -9,11 +9,16 @@ Four objects do the work: `StepControl` makes the steps, `CoordinateChange` judg
 the coordinates, `MotionOutput` collects the results, and `SingularityCrossing` steps over singular
 configurations.
 
-A step, or the first part of it, is regular if the joints move continuously along it, without a jump
-to another assembly mode, and if the condition number of the dependent joints stays below a limit.
-`CoordinateChange` sets this limit anew for each choice of coordinates, and raises it on the way to
-a singular configuration. A step is irregular too if the loops cannot be closed at an output time
-within it.
+A step is *regular* if all of these conditions hold:
+
+- The joints move continuously along it, without a jump to another assembly mode.
+- The condition number stays below the *limit*. It is that of the columns of Phi of the other
+  joints, those that are no coordinates. `CoordinateChange` sets the limit for each choice of
+  coordinates, and may raise it later.
+- The loops can be closed at the output times within the step.
+
+Each other step is *irregular*. Its *regular part* is the longest part from its start on for which
+the first two conditions hold.
 
 `Integration.integrate` is the main loop. It calls one of two methods, again and again:
 
@@ -22,13 +27,14 @@ within it.
   coordinates, and `_make_steps` makes its steps.
 - `_cross` makes a step over a singular configuration.
 
-After an irregular step, `_before_irregular` chooses one of two ways to go on:
+A step that misses a change of a torque or load is made again with a shorter length, and with the
+same target. After an irregular step, `_before_irregular` chooses one of two ways to go on:
 
 - If a singular configuration is ahead that can be stepped over, the motion begins to approach it.
   It returns to an earlier state, and is integrated from there until the start of the step over this
   configuration.
-- Otherwise the irregular step is repeated, with a target just before its irregular part. There
-  `_leave_irregular` changes the coordinates, or ends the motion.
+- Otherwise the irregular step is *repeated*, with an earlier target, at the end of its regular
+  part. There `_leave_irregular` changes the coordinates, or ends the motion.
 """
 
 from __future__ import annotations
@@ -63,7 +69,8 @@ class _Target(NamedTuple):
         time: Time, [s].
         torques_change: Whether sampled torques change at this time.
         repeats: How many irregular steps have set the time back, one after the other. The time is
-            just before the irregular part of the last one.
+            just before the irregular part of the last one. It is 0 if none has; a step that is
+            made again because it missed a change of a torque or load does not count.
     """
 
     time: float
@@ -76,10 +83,10 @@ class _Continuation(NamedTuple):
 
     Attributes:
         state: The state from which it goes on.
-        target: The target of the next integrator in the same coordinates: the same target if steps
-            must be shorter, or an earlier target before an irregular part. It is None if
-            `_advance` is finished: the target is reached, the coordinates have changed, or the
-            motion has begun to approach a singular configuration.
+        target: The target of the next integrator in the same coordinates. It is the same target if
+            the last step missed a change of a torque or load, and an earlier one if the last step
+            was irregular. It is None if `_advance` is finished: the target is reached, the
+            coordinates have changed, or the motion has begun to approach a singular configuration.
     """
 
     state: MotionState
@@ -144,7 +151,9 @@ class Integration:
             approach = self._crossing.approach
             if approach is not None and approach.start <= state.t:
                 # If no step leads over the singular configuration from here, `_cross` returns the
-                # same state, and a step from a nearer state is tried later.
+                # same state. Then the approach has a later start, from which a step is tried again,
+                # or it is given up. In both cases the next call is one of `_advance`, so this loop
+                # cannot stop here.
                 state = self._cross(state)
             else:
                 state = self._advance(state)
@@ -220,19 +229,17 @@ class Integration:
         while solver.status == "running":
             step = self._steps.step(solver, equations)
             if self._steps.shorten_if_input_missed(step):
-                return _Continuation(state, target)
+                return _Continuation(state, target)  # make it again, to the same target
             at_change = target.torques_change and step.end == target.time
             self._steps.remember_length(step, torques_change_at_end=at_change)
             self._progress(step.end)
 
             part = self._coordinate_change.regular_part(state, step)
             if part.fraction < 1:
-                return self._before_irregular(state, step, part, target, part.fraction)
+                return self._before_irregular(state, step, part, target)
             added = self._output.add_step(step, torques_change_at_end=at_change)
-            if not added:
-                # The loops cannot be closed at an output time within the step. The irregular part
-                # begins somewhere before this time: half of the step is taken for regular.
-                return self._before_irregular(state, step, part, target, 0.5)
+            if not added:  # the loops cannot be closed at an output time within the step
+                return self._before_irregular(state, step, part, target)
 
             state = MotionState(step.end, state.space, part.q, step.y)
             self._crossing.remember(state)
@@ -251,7 +258,6 @@ class Integration:
         step: IntegratorStep,
         part: RegularPart,
         target: _Target,
-        regular_fraction: float,
     ) -> _Continuation:
         """How a motion goes on after an irregular step; the next step is shorter in any case.
 
@@ -267,12 +273,15 @@ class Integration:
         Args:
             state: The state at the start of the step.
             step: The step.
-            part: The regular part of the step, whether or not output times are within it.
+            part: Its regular part. It is the whole step if the step is irregular only because the
+                loops cannot be closed at an output time within it.
             target: The target of the step.
-            regular_fraction: The fraction of the step that is taken for regular. It is less than
-                `part.fraction` if the loops cannot be closed at an output time within the step.
         """
-        self._steps.shorten(regular_fraction)
+        # If `part` is the whole step, the loops cannot be closed from an unknown time on, before
+        # one of the output times. Then the target is set back to about the middle of the step.
+        is_whole_step = part.fraction == 1
+        fraction_to_target = 0.5 if is_whole_step else part.fraction
+        self._steps.shorten(fraction_to_target)
 
         part_end = step.start + part.fraction * step.length  # the time at which q is `part.q`
         earlier = self._crossing.begin_approach(state, part_end, part.q)
@@ -281,8 +290,8 @@ class Integration:
             self._coordinate_change.allow_nearer()
             return _Continuation(earlier, None)
 
-        regular_length = regular_fraction * step.length
-        time = step.start + regular_length * (1 - _margin_of_repeat(target.repeats))
+        length_to_target = fraction_to_target * step.length
+        time = step.start + length_to_target * (1 - _margin_of_repeat(target.repeats))
         if time <= step.start:  # no part of the step is regular
             return _Continuation(self._leave_irregular(state), None)
         return _Continuation(state, _Target(time, repeats=target.repeats + 1))
@@ -295,8 +304,9 @@ class Integration:
         near_singularity = self._crossing.approach is not None
         if not self._coordinate_change.should_settle(state, near_singularity=near_singularity):
             return state
-        # During an approach, `should_settle` has only one reason: the robot's own coordinates are
-        # good again. Then no singular configuration of the mechanism is near any more.
+        # `should_settle` has two reasons: the robot's own coordinates are good again, or the limit
+        # is too high. During an approach only the first one counts (`near_singularity`). So no
+        # singular configuration of the mechanism is near any more, and an approach ends.
         self._crossing.give_up()
         return self._coordinate_change.settle(state)
 
@@ -305,8 +315,9 @@ class Integration:
 
         Better coordinates, or a higher limit of the condition number in the same coordinates, can
         make the next steps regular. The motion ends if there is neither: `settle` keeps the
-        coordinates, and the limit was the largest one before `settle` and is the largest one after
-        it. The motion also ends if its steps become too short.
+        coordinates, and the limit is the largest one both before and after `settle`. (If it was
+        lower before, `settle` may have raised it. If it is lower after, a later call may raise it.)
+        The motion also ends if its steps become too short.
 
         An approach of a singular configuration is given up, because the way to it is irregular.
         """
@@ -329,10 +340,13 @@ class Integration:
 
     def _cross(self, state: MotionState) -> MotionState:
         """The state behind the singular configuration; the same state if no step leads there."""
-        self._coordinate_change.restore()  # puts the limit back that `allow_nearer` has raised
         equations = self._equations_at(state)
         crossed = self._crossing.cross(equations, state)
         if crossed is None:
+            # `allow_nearer` has raised the limit for the approach, perhaps beyond the largest one
+            # that a user allows. The motion goes on to another try, or to an irregular step, and
+            # from here on its limit is at most the user's.
+            self._coordinate_change.restore()
             return state
         behind, branch = crossed
         self._output.add_branch(equations, branch, behind.t)
