@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.errors import InputError, SSTError
@@ -25,7 +26,8 @@ R = sst_pin.paper_circle(T).R
 #
 # `faults` calls a function with good arguments, but one of them replaced by a wrong value. It tries
 # the values that no argument with this annotation may have, and returns the calls that raise no
-# SSTError.
+# SSTError. `tests.support.bad_calls` has these values, for instance for `float` and `ArrayLike`. It
+# has none for an annotation that it does not list.
 
 
 def parameters_with_star(mass: float, center_of_mass: ArrayLike, inertia: ArrayLike):
@@ -67,28 +69,30 @@ def test_functions_refuse_each_argument_that_is_wrong(function, good):
 HALF_TURNS = R.copy()
 HALF_TURNS[1::2] = R[1::2] @ np.diag([1.0, -1.0, -1.0])
 
-#: Wrong arguments t, R, at: times, orientations at these times, and times of the output.
+#: Wrong arguments t, R, at: times, orientations at these times, and times of the output. The last
+#: value is a part of the error.
 NO_INTERPOLATION = {
-    "two samples": (T[:2], R[:2], 0.0),
-    "a time without an orientation": (T, R[:-1], T),
-    "one orientation": (T, R[0], T),
-    "reflections": (T, R * np.array([1, 1, -1]), T),
-    "matrices twice as large": (T, 2 * R, T),
-    "matrices that are not orthogonal": (T, R + 0.01, T),
-    "zeros": (T, 0 * R, T),
-    "decreasing times": (T[::-1], R, T),
-    "half turns between samples": (T, HALF_TURNS, T),
-    "a time before the first": (T, R, [-1.0]),
-    "a time after the last": (T, R, [0.2]),
-    "times with another axis": (T[None], R, T),
-    "orientations with another axis": (T, R[None], T),
+    "two samples": (T[:2], R[:2], 0.0, "t: shape"),
+    "a time without an orientation": (T, R[:-1], T, "R: shape"),
+    "one orientation": (T, R[0], T, "R: shape"),
+    "reflections": (T, R * np.array([1, 1, -1]), T, "R: not a rotation matrix"),
+    "matrices twice as large": (T, 2 * R, T, "R: not a rotation matrix"),
+    "matrices that are not orthogonal": (T, R + 0.01, T, "R: not a rotation matrix"),
+    "zeros": (T, 0 * R, T, "R: not a rotation matrix"),
+    "decreasing times": (T[::-1], R, T, "t: not increasing"),
+    "half turns between samples": (T, HALF_TURNS, T, "R: .* more than a quarter turn"),
+    "a time before the first": (T, R, [-1.0], "at: -1 s"),
+    "a time after the last": (T, R, [0.2], "at: 0.2 s"),
+    "times with another axis": (T[None], R, T, "t: shape"),
+    "orientations with another axis": (T, R[None], T, "R: shape"),
 }
 
 
 @pytest.mark.parametrize("case", NO_INTERPOLATION)
 def test_orientations_are_interpolated_between_rotations_at_increasing_times(case):
-    with pytest.raises(InputError):
-        sst_pin.sst.interpolate_orientations(*NO_INTERPOLATION[case])
+    *arguments, message = NO_INTERPOLATION[case]
+    with pytest.raises(InputError, match=message):
+        sst_pin.sst.interpolate_orientations(*arguments)
 
 
 #: Matrices that are no rotations.
@@ -102,7 +106,7 @@ NO_ROTATIONS = {
 
 @pytest.mark.parametrize("case", NO_ROTATIONS)
 def test_inverse_kinematics_takes_rotations_alone(robot, case):
-    with pytest.raises(InputError, match="pose"):
+    with pytest.raises(InputError, match="pose"):  # `inverse_kinematics` calls its argument pose
         robot.inverse_kinematics(NO_ROTATIONS[case])
 
 
@@ -114,31 +118,57 @@ def test_a_branch_is_three_signs(robot, branch):
 
 # --- tables -------------------------------------------------------------------------------------
 
-#: Quaternions w, x, y, z of a star at rest; in the second table it is turned once by half a turn.
-TIMES = 0.01 * np.arange(6.0)
-AT_REST = np.tile((1.0, 0.0, 0.0, 0.0), (6, 1))
-HALF_A_TURN = AT_REST.copy()
-HALF_A_TURN[3] = (0.0, 1.0, 0.0, 0.0)
+#: The paper's motion as quaternions w, x, y, z. In the second array one of them is turned by half a
+#: turn about x.
+QUATERNIONS = Rotation.from_matrix(R).as_quat(scalar_first=True)
+HALF_A_TURN = QUATERNIONS.copy()
+HALF_A_TURN[3] = Rotation.from_matrix(HALF_TURNS[3]).as_quat(scalar_first=True)
+#: Columns of a constant angle, in [rad].
+ANGLE = np.full((len(T), 1), 0.1)
 QUATERNION = "t_s,qw,qx,qy,qz"
+MOTOR_ANGLES = "t_s,gamma_1_rad,gamma_2_rad,gamma_3_rad"
 
-#: Tables that are no motion of the star: the header, and the columns after the times.
+#: Tables of motions: the header, and the columns after the times. The tables that are no motions
+#: differ from one of these in one thing.
+MOTIONS = {
+    "quaternions": (QUATERNION, QUATERNIONS),
+    "two angles": ("t_s,theta_rad,phi_rad", ANGLE.repeat(2, axis=1)),
+    "motor angles": (MOTOR_ANGLES, ANGLE.repeat(3, axis=1)),
+}
+#: Tables that are no motion of the star, each with a part of the error.
 NO_MOTIONS = {
-    "quaternions of length zero": (QUATERNION, 0 * AT_REST),
-    "quaternions too short to normalise": (QUATERNION, AT_REST * (1e-318, 1, 1, 1)),
-    "half a turn between two samples": (QUATERNION, HALF_A_TURN),
-    "one angle of three": ("t_s,theta_rad", AT_REST[:, :1]),
-    "one angle twice": ("t_s,theta_rad,theta_deg,phi_rad", AT_REST[:, :3]),
-    "angles that are too large": (
-        "t_s,gamma_1_rad,gamma_2_rad,gamma_3_rad",
-        np.outer(TIMES, np.full(3, 1e300)),
+    "quaternions of length zero": (QUATERNION, 0 * QUATERNIONS, "quaternion of length 0,"),
+    "quaternions of length two": (QUATERNION, 2 * QUATERNIONS, "quaternion of length 2,"),
+    "half a turn between two samples": (QUATERNION, HALF_A_TURN, "more than a quarter turn"),
+    "no angle phi": ("t_s,theta_rad", ANGLE, "phi_rad"),
+    "theta in two units": (
+        "t_s,theta_rad,theta_deg,phi_rad",
+        ANGLE.repeat(3, axis=1),
+        "one angle has several columns: theta_rad, theta_deg",
+    ),
+    "motor angles that are too large": (
+        MOTOR_ANGLES,
+        np.outer(1e300 * T, np.ones(3)),
+        "loops cannot",
     ),
 }
 
 
+def motion_of_table(robot, header: str, columns):
+    """The motion that is read from a table with the times T and these columns."""
+    table = np.column_stack([T, columns])
+    np.savetxt("a.csv", table, fmt="%.17g", delimiter=",", header=header, comments="")
+    return read_motion(robot.engine, "a.csv", partial(star_motion, robot))
+
+
+@pytest.mark.parametrize("case", MOTIONS)
+def test_tables_with_a_motion_of_the_star_are_read(robot, here, case):
+    motion = motion_of_table(robot, *MOTIONS[case])
+    assert motion.q.shape == (len(T), robot.model.nq)
+
+
 @pytest.mark.parametrize("case", NO_MOTIONS)
 def test_tables_without_a_motion_of_the_star_are_refused(robot, here, case):
-    header, columns = NO_MOTIONS[case]
-    table = np.column_stack([TIMES, columns])
-    np.savetxt("a.csv", table, fmt="%r", delimiter=",", header=header, comments="")
-    with pytest.raises(SSTError):
-        read_motion(robot.engine, "a.csv", partial(star_motion, robot))
+    header, columns, message = NO_MOTIONS[case]
+    with pytest.raises(SSTError, match=message):
+        motion_of_table(robot, header, columns)
