@@ -189,7 +189,7 @@ def test_rollouts_end_where_a_single_call_is_refused(fault, compiled):
     case = FAULTS[fault]
     chain = robot(case.robot, compiled)
     q, va, tau = (a[1] for a in samples(chain, case, "q va tau"))
-    with pytest.raises(SSTError):
+    with pytest.raises(case.error):
         chain.rollout(np.tile(tau, (3, 1)), q, va, 1e-3)
 
 

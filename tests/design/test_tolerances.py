@@ -128,10 +128,10 @@ def test_bars_show_the_shares():
 @pytest.mark.parametrize("value", [None, 5, "x", {}, np.zeros(3)], ids=lambda x: type(x).__name__)
 def test_what_is_no_motion_no_mapping_or_no_configuration_is_refused(value):
     chain = robots.four_bar()
-    with pytest.raises(sst_pin.InputError):
+    with pytest.raises(sst_pin.InputError, match="a Trajectory is needed"):
         tolerances(chain, value, DEVIATIONS, "platform")
-    with pytest.raises(sst_pin.SSTError):
+    with pytest.raises(sst_pin.SSTError, match=r"q: |the loops are open"):
         clearance(chain, value)
     if not isinstance(value, dict):
-        with pytest.raises(sst_pin.InputError):
+        with pytest.raises(sst_pin.InputError, match="a mapping of names to numbers is needed"):
             tolerances(chain, motion_of(chain), value, "platform")

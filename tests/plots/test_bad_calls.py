@@ -20,8 +20,12 @@ def test_a_page_of_a_motion_refuses_bad_arguments():
 
 def test_a_page_shows_subjects_of_a_motion_of_its_robot_with_two_samples():
     other = sst_pin.robots.five_bar()
-    for call in ((CHAIN, MOTION, []), (CHAIN, MOTION[:1]), (other, MOTION)):
-        with pytest.raises(sst_pin.SSTError):
+    for call, message in (
+        ((CHAIN, MOTION, []), "subjects"),
+        ((CHAIN, MOTION[:1]), "one sample"),
+        ((other, MOTION), "another robot"),
+    ):
+        with pytest.raises(sst_pin.InputError, match=message):
             plots.motion_page(*call)
 
 

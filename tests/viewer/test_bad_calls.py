@@ -26,7 +26,7 @@ def test_the_viewer_refuses_bad_arguments(name, here):
 
 def test_the_viewer_draws_robots_and_plays_their_motions():
     for robot in (None, "robot", 5):
-        with pytest.raises(sst_pin.SSTError):
+        with pytest.raises(sst_pin.InputError, match="is not a robot"):
             Viewer(robot)
-    with pytest.raises(sst_pin.SSTError):
+    with pytest.raises(sst_pin.InputError, match="another robot"):
         Viewer(sst_pin.robots.five_bar()).play(MOTION)
