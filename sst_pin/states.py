@@ -43,11 +43,12 @@ LARGEST_AT_FIXED_STEP = 10.0
 #: The coordinates are judged at the ends of parts of a step, in which no joint moves by more than
 #: this, [rad] or robot lengths. A choice: at the distance d from a dead point the condition number
 #: is c / d, and c is about 7 and 10 for two four-bars. Already with c = 1 it is above
-#: `LARGEST_AT_FIXED_STEP` where d is below 0.1: parts of 0.05 do not pass over this range.
+#: `LARGEST_AT_FIXED_STEP`, which is 10, where d is below 0.1. This range of d is longer than a part
+#: of 0.05, so the end of some part lies in it.
 _PART_OF_STEP = 0.05
 #: The most parts of a step; a choice, as each part costs an evaluation of Phi. In a step of more
-#: than 0.2 a dead point may lie between the ends of two parts. Then `require_continuous` refuses
-#: the step, and the motion ends.
+#: than 4 * 0.05 = 0.2 the parts are longer, and a dead point between the ends of two parts may not
+#: be noticed. Then `require_continuous` refuses the step, and the motion ends.
 _MOST_PARTS = 4
 #: The text of a `StepError` for a motion that diverges.
 NOT_FINITE = "a number is not finite; a shorter step may help"
@@ -181,7 +182,8 @@ class StateSpace:
         """
         space = self._mechanism.space
         context = self._reference.context
-        L = self._reference.L(q)  # evaluates the loops and the complement at q
+        # This also evaluates `context.loops` and `context.complement` at q, for L_dot below.
+        L = self._reference.L(q)
         v = L.dot(va)
         Q = np.transpose([space.q_dot(q, e) for e in np.eye(len(v))])  # columns Q e_k
         q_by_x = Q.dot(L)
@@ -244,9 +246,10 @@ class StateSpace:
         if not np.isfinite(Phi).all():
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
-        # `condition` is that of the diagonal blocks of Phi, see `Continuity`. The diagonal blocks
-        # of the other coordinates are not known yet. So both choices are compared by the condition
-        # number of larger blocks, `Loops.parts`, which is known for any coordinates.
+        # `condition` is that of the diagonal blocks of Phi for the present coordinates, see
+        # `Continuity`. The diagonal blocks for the best ones are not known yet. So both choices are
+        # compared by the condition numbers of larger blocks, `Loops.parts`. These are the parts of
+        # Phi that share no row and no dependent rate, and are known for any coordinates.
         parts = self._reference.context.loops.parts
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
@@ -268,7 +271,12 @@ class StateSpace:
     ) -> tuple[float, Array]:
         """The fraction of a step that is continuous and regular, and the configuration at its end.
 
-        The arguments are those of `Continuity.follow`.
+        Args:
+            start: The configuration at the start of the step.
+            path: The configuration at a fraction of the step; see `Path`.
+            limit: Largest condition number of a regular configuration.
+            first: The fraction of the step that is tried first, for instance where the motion
+                reverses.
         """
         return self._continuity.follow(start, path, limit, first)
 
@@ -351,7 +359,7 @@ class StateSpace:
                 if good_space is not space:
                     space = good_space
                     rates = v[space.coordinates]
-                tau = motions.torques(i, s)
+                tau = motions.torques(i, s)  # at the start, middle and end, shape (3, motors)
                 q[s + 1], rates = space._step(q[s], rates, tau, wrenches, motions.dt)
                 v = space.joint_rates(q[s + 1], rates)
             except SSTError as error:
@@ -435,6 +443,7 @@ class StateSpace:
         A step h leads from the configuration `before` to `predicted`, whose loops are open by an
         error of order h^5. The configuration `closed` is the predicted one with closed loops.
         """
+        # `BEND` is the largest correction, as a fraction of the length of the step.
         correction = self._largest_displacement(predicted, closed)
         length = self._largest_displacement(before, closed)
         if correction > BEND * length + CLOSURE_TOLERANCE:
