@@ -24,11 +24,11 @@ Name = Literal[
     "joint_accelerations",
     "actuator_jacobian",
     "reduced_terms",
-    "displacement_rates",
+    "displacement_rates",  # how moving joint axes change displacements of the coordinates
     "frame_jacobian",
     "frame_jacobian_rate",
     "frame_velocity_derivatives",
-    "frame_drift",
+    "frame_drift",  # acceleration of the frame for aa = 0
     # The closed q, the determinant of the pivots, and the squared residual of the loops:
     "closing",
     # The states of a motion with a fixed step:
@@ -103,7 +103,11 @@ class Quantity(NamedTuple):
 
     @property
     def entry(self) -> str:
-        """Name of the functions of its library in C, such as torque_derivatives_along_loaded."""
+        """Name of the functions of its library in C, such as torque_derivatives_along_loaded.
+
+        It has neither `frame` nor `sign_width`. Quantities with different ones have the same name
+        but libraries of their own, so that names do not collide.
+        """
         parts = [str(self.name)]
         if self.along:
             parts.append("along")
