@@ -4,6 +4,10 @@
 `rebuilt` adds the joints with their bodies, then the frames. Last, it copies the parameters of
 the joints (limits, friction, rotors) and the stored poses. A "place" in this module is a placement,
 `pin.SE3`. The "number" of a joint is its index in the tree.
+
+A joint is replaced by a `Series` of joints, and each of these is a `Part`. `Part.place` is its
+placement at q = 0, relative to the joint before it. `Series.place` is that of the old joint's body,
+relative to the last part.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,10 +60,11 @@ class RebuiltTree(NamedTuple):
 
 
 def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> RebuiltTree:
-    """The tree with some joints, by number, replaced by series; its joints may come in any order.
+    """The tree with some joints, by number, replaced by series.
 
-    `pin.buildReducedModel` is not used: for a tree whose joints were not added depth-first, or have
-    no frames, it ends the process.
+    A parent has a smaller number than its children, as in each `pin.Model`; the joints need not be
+    numbered depth-first. `pin.buildReducedModel` is not used: for a tree whose joints were not
+    added depth-first, or have no frames, it ends the process.
     """
     model = pin.Model()
     model.name = old.name
@@ -102,6 +107,7 @@ def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) 
     for i, frame in enumerate(list(old.frames)[1:], 1):
         joint = frame.parentJoint
         carrier = carriers[joint]
+        # A frame that was added without a parent frame, or before it, gets frame 0.
         parent_frame = new_index.get(frame.parentFrame, 0)
         kind = frame.type
         if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
@@ -112,9 +118,11 @@ def _copy_frames(old: pin.Model, model: pin.Model, carriers: Sequence[Carrier]) 
             if carrier.numbers:
                 continue
             # The joint is fixed. Its frame is left out if a fixed frame already has this name:
-            # Pinocchio keeps only one frame of a kind with the same name.
+            # Pinocchio keeps only one frame of a kind with the same name. Then frames on it come
+            # onto the frame before it.
             kind = pin.FrameType.FIXED_JOINT
             if old.existFrame(frame.name, kind):
+                new_index[i] = parent_frame
                 continue
         place = carrier.place * frame.placement
         new = pin.Frame(frame.name, carrier.joint, parent_frame, place, kind)
@@ -131,7 +139,11 @@ def _copy_parameters(old: pin.Model, model: pin.Model, carriers: Sequence[Carrie
 def _copy_parameters_of_part(
     old: pin.Model, old_joint: Any, model: pin.Model, new_joint: Any, part: Part
 ) -> None:
-    """Copy limits, friction and rotors of the rates and positions that a part has."""
+    """Copy limits, friction and rotors of the rates and positions that a part has.
+
+    `part.rates` and `part.entries` are their indices among the rates and positions of the old
+    joint. They are in the order of the rates and positions of the new joint.
+    """
     for name in RATE_ARRAYS:
         for k, rate in enumerate(part.rates):
             value = getattr(old, name)[old_joint.idx_v + rate]

@@ -52,3 +52,17 @@ def test_frames_keep_the_frames_that_bear_them():
         return {frame.name: model.frames[frame.parentFrame].name for frame in bodies}
 
     assert carriers(new) == carriers(old)
+
+
+def test_a_frame_on_a_joint_frame_that_is_left_out_gets_the_frame_before_it():
+    """The joint is fixed, and its frame is left out because a fixed frame has its name."""
+    tree = any_chain.tree("RY", ["revolute"], [])
+    first = tree.addJointFrame(1)
+    last = tree.addJointFrame(2, first)
+    name = tree.names[2]
+    tree.addFrame(pin.Frame(name, 1, first, PLACE, pin.FrameType.FIXED_JOINT))
+    tree.addFrame(pin.Frame("tip", 2, last, PLACE, pin.FrameType.BODY))
+    fixed = without_locked(tree, {name: 0.0}).model
+    tip = fixed.frames[fixed.getFrameId("tip")]
+    assert fixed.frames[tip.parentFrame].name == tree.names[1]
+    assert tip.parentJoint == 1
