@@ -100,9 +100,12 @@ def _spherical_3rrr(
     tree = Tree(name)
     quarter = rotated_about_x(np.pi / 2)  # from one hinge of a leg to the next
     thickness = 0.06 * radius
-    # The body of the platform in the tree has the frame of wrist 1.
+    # Placement of the platform's own frame in wrist 1. The body of the platform in the tree has the
+    # frame of wrist 1.
     platform = _wrist_on_platform(1).inverse()
     for k in _LEGS:
+        # Arcs from the z axis of a hinge, about its x axis, to the axis of the next hinge, which
+        # `quarter` turns to -y.
         upper = arc(proximal_mass, np.pi / 2, radius, thickness)
         lower = arc(distal_mass, np.pi / 2, 0.85 * radius, thickness)
         tree.add_hinge(f"motor_{k}", upper, at=_motor_on_base(k))
@@ -208,13 +211,16 @@ def bennett(
     tree.add_hinge("crank", crank_bar)
     tree.add_hinge("coupler", coupler_bar, "crank", crank_end)
     tree.add_hinge("follower", crank_bar, "coupler", coupler_end)
-    # The base is a bar like the coupler, whose second pin is that of the crank.
+    # The base is a bar like the coupler, from the pin of the follower to the pin of the crank. The
+    # crank turns about the origin, so the first pin of this bar is at `coupler_end.inverse()`.
     tree.add_frame("ground_pin", "universe", coupler_end.inverse())
     tree.add_frame("follower_pin", "follower", crank_end)
     tree.make_platform("coupler", (coupler / 2, 0))
     closures = [Closure("ground_pin", "follower_pin", "hinge")]
 
-    ratio = np.sin((coupler_twist + twist) / 2) / np.sin((coupler_twist - twist) / 2)
+    # With equal twists the ratio is infinite: the coupler stays folded back, at pi.
+    with np.errstate(divide="ignore"):
+        ratio = np.sin((coupler_twist + twist) / 2) / np.sin((coupler_twist - twist) / 2)
     joints = partial(_bennett_joints, coupler / 2, ratio)
     crank_angle = 1.2
     coupler_pin = planar(0, 0, crank_angle) * crank_end

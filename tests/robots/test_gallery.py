@@ -142,6 +142,13 @@ def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
     assert np.linalg.matrix_rank(rigid.Phi(moving.home), 1e-6) == 3
 
 
+def test_bennetts_linkage_with_equal_twists_stays_folded():
+    """All bars are equal. The coupler lies on the crank, and the follower on the base."""
+    chain = robots.bennett(twist=0.5, coupler_twist=0.5)
+    assert chain.mobility(chain.home).degrees_of_freedom == 1
+    np.testing.assert_allclose(chain.home[1], np.pi)
+
+
 def test_the_page_of_the_gallery_is_current(tmp_path, monkeypatch):
     """Counts to the letter, errors to two orders of magnitude; and its example runs."""
     script = load("scripts/pages/make_robots_table.py")
