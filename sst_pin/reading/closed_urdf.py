@@ -95,7 +95,12 @@ def cuts_beside(urdf: Path) -> Path | None:
 def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     """The robot of a URDF and its cuts, with an SRDF beside the URDF.
 
-    Mimic joints of the URDF become closures, too. A robot without loops is an open tree.
+    Mimic joints of the URDF become closures, too. An open tree is a robot whose files have neither
+    a YAML nor closures; it may have mimic joints.
+
+    Two sets of joints do not move. `cuts.locked` are locked at zero: their joints leave the tree
+    here. `cuts.fixed_joints` are these and the joints of the kind "FIXED" in the YAML, which
+    `urdf.tree` has already left out.
     """
     urdf_path = Path(urdf.source)
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
@@ -132,7 +137,8 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
             model, weight_shares = without_locked(model, locked, weight_shares)
         stiffness, spring_reference = springs_of(model, numbers)
 
-    # Motors. In an open tree whose files name no motors, each joint of one axis has one.
+    # Motors. In an open tree whose files name no motors, each joint of one axis has one. A URDF+
+    # names its independent joints, which are its motors, so it is no open tree.
     is_open_tree = not cuts.source and not loops and not urdf.loop_elements.independent
     motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
     warning_of_open_tree = ""
@@ -170,7 +176,11 @@ def _srdf_beside(urdf: Path) -> Srdf | None:
 
 
 def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
-    """Raise an error if a dependent joint of the cuts is not in the tree."""
+    """Raise an error if a dependent joint of the cuts is not in the tree.
+
+    Dependent joints are joints whose positions the closures determine. The YAML names them, so that
+    `_couplings` ignores their `<mimic>`. It would ignore a wrong name without a word.
+    """
     known = list(model.names)[1:]
     problems = [f"dependent: no moving joint {n}" for n in cuts.dependent if n not in known]
     if problems:
@@ -187,16 +197,16 @@ def _warning_of_replaced_closures(
 
     Closures of the YAML replace all of them, hinges of the YAML only the joints that close loops.
     """
-    names = [joint.name for joint in elements.joints]
+    replaced = [joint.name for joint in elements.joints]
     if cuts.closures:
         used_frames = set[str]()
         for closure in cuts.closures:
             used_frames.update(frames_of(closure))
         for frame in model.frames:
             if is_closing(frame) and frame.name not in used_frames:
-                names.append(frame.name)
-    if names and (cuts.closures or cuts.hinges):
-        text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
+                replaced.append(frame.name)
+    if replaced and (cuts.closures or cuts.hinges):
+        text = f"the URDF also has {listed(replaced)}, not read because {cuts.source} has closures"
         yield warning("closures", text)
 
 
@@ -206,6 +216,9 @@ def _add_loops(model: pin.Model, cuts: Cuts, elements: LoopElements) -> tuple[Co
     A URDF marks closures by pairs of frames `closing_NAME_1` and `closing_NAME_2`, see
     `closing_frames`, and by joints that close loops, see `loop_elements`. The frames of such joints
     are added to the model.
+
+    The two kinds of YAML have either closures or hinges: `closures` of the LAAS schema, or `hinges`
+    of a `loop_closures.yaml`.
     """
     if cuts.closures:
         return cuts.closures
@@ -225,22 +238,22 @@ def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
 
 
 def _couplings_that_move(
-    couplings: Sequence[Coupling], locked: Collection[str], source: str
+    couplings: Sequence[Coupling], fixed_joints: Collection[str], source: str
 ) -> Iterator[Coupling]:
-    """The couplings that remain when some joints are locked at zero.
+    """The couplings that remain when some joints are fixed at zero.
 
-    At zero, the polynomial c_0 + c_1 x + ... of a locked joint is the constant c_0.
+    At zero, the polynomial c_0 + c_1 x + ... of a fixed joint is the constant c_0.
     """
     for coupling in couplings:
         moving = {}
-        constant = 0.0  # the sum of the c_0 of locked joints
+        constant = 0.0  # the sum of the c_0 of fixed joints
         for name, coefficients in coupling.polynomials.items():
-            if name in locked:
+            if name in fixed_joints:
                 constant += coefficients[0]
             else:
                 moving[name] = coefficients
         offset = coupling.offset + constant
-        if coupling.joint not in locked:
+        if coupling.joint not in fixed_joints:
             yield Coupling(coupling.joint, moving, offset)
         elif moving or offset:
             leaders = ", ".join(moving) or "with an offset"
@@ -253,24 +266,24 @@ def _couplings_that_move(
 
 def _joints_with_limits(cuts: Cuts) -> set[str]:
     """Joints to which the cuts give a limit."""
-    names = set[str]()
+    joints = set[str]()
     for key in LIMITS:
-        names.update(cuts.numbers.get(key, {}))
-    return names
+        joints.update(cuts.numbers.get(key, {}))
+    return joints
 
 
 def _locked_joints(urdf: Urdf, cuts: Cuts) -> list[str]:
     """The names of the cuts' locked joints, each once, without joints that the URDF fixes."""
     # Pinocchio's tree has no joint for a fixed joint, so that such a name would be unknown.
-    fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
-    return [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
+    fixed_in_urdf = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
+    return [name for name in dict.fromkeys(cuts.locked) if name not in fixed_in_urdf]
 
 
-def _moving_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
-    """Motors without the joints that are locked."""
+def _moving_motors(motors: Sequence[Motor], fixed_joints: Collection[str]) -> Iterator[Motor]:
+    """Motors without the joints that are fixed."""
     for motor in motors:
         tendon, shares = tendon_of(motor)
-        moving = {joint: share for joint, share in shares.items() if joint not in locked}
+        moving = {joint: share for joint, share in shares.items() if joint not in fixed_joints}
         if not moving:
             continue
         if isinstance(motor, str):
