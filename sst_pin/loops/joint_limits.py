@@ -15,6 +15,9 @@ _AT_LIMIT = 1e-12
 class JointLimits:
     """Limits of all joints of one coordinate, of which only the rates `free` may move.
 
+    `clipped` moves only the joints of free rates. The other methods are about all joints, or about
+    the rates that they get.
+
     Steps are those of Newton's method: shape (rates,), free of units, for some rates of v.
     """
 
@@ -69,7 +72,8 @@ class JointLimits:
     def _distances_ahead(self, q: Array, rates: Indices, step: Array) -> Array:
         """Distances to the limits that a step of these rates leads to, shape (rates,).
 
-        For a rate that does not step, the upper limit counts.
+        For a rate with a step of zero, it is the distance to the upper limit: a choice, because the
+        step leads to neither.
         """
         to_lower, to_upper = self._distances(q)[:, rates]
         return np.where(step < 0, to_lower, to_upper)
