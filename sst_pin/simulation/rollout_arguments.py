@@ -37,8 +37,9 @@ class RolloutArguments:
         tau: Motor torques, shape (..., N, motors) if they are constant in each of the N steps, or
             (..., 2 N + 1, motors) with torques at the starts, the middles and the ends of the
             steps. They may contain numbers that are not finite.
-        q0: Starts, shape (..., nq).
-        va0: Rates of the coordinates at the starts, shape (..., n).
+        q0: Starts, shape (..., nq). They too may contain such numbers; a motion that starts at one
+            is refused when it is computed.
+        va0: Rates of the coordinates at the starts, shape (..., n), the same as q0.
         dt: Step, [s].
         steps: Number of steps N, if the user gives it.
         wrenches: Constant external wrenches on the bodies, shape (..., r, 6), or None.
@@ -60,7 +61,8 @@ class RolloutArguments:
     def samples(self, motor_positions: Array | None = None) -> RolloutSamples:
         """The arguments broadcast to all samples of the batch, with the samples in one axis.
 
-        `motor_positions` has the shape of tau, or is None.
+        `motor_positions` are positions that motors hold in each step, shape (..., N, motors). They
+        are None in a smooth rollout.
         """
         arrays = [self.q0, self.va0, self.tau, motor_positions, self.wrenches]
         core_axes = [1, 1, 2, 2, 2]  # behind the axes of the batch
@@ -110,7 +112,9 @@ class RolloutArguments:
         *,
         at_start: bool,
     ) -> SSTError:
-        """The error of motions that ended early. It names their indices in the batch.
+        """The error of motions that ended early, to be raised. It names their indices in the batch.
+
+        A torque that is not finite is the only error that this method raises itself.
 
         Args:
             batch: Shape of the batch.
@@ -125,7 +129,8 @@ class RolloutArguments:
         """
         error = cause
         if not at_start:
-            # A torque that is not finite ends a motion too. Then it is named as the cause.
+            # A torque that is not finite ends a motion too. Then this check raises its error, which
+            # is better than the one that is returned. Its result is the same tau.
             finite_array("tau", self.tau, self.tau.shape[-1:])
             error = SimulationError(
                 f"the motion reached a singularity, diverged, or opened the loops: {cause}",
@@ -185,6 +190,7 @@ def rollout_arguments(
     if isinstance(external_wrenches, Mapping):
         on_bodies = None
         for name, wrench in external_wrenches.items():
+            # The first value is the index of the frame; wrenches are collected by name here.
             _, at_frames[name] = engine.arguments.at_frame(name, wrench, "raise")
     return RolloutArguments(
         tau=torques,
