@@ -126,6 +126,7 @@ class Assembly:
             q, open_rows = self._newton(start, free, bounds, ROUNDED_PLACEMENTS)
         if bounds is not None:
             q = bounds.clipped(q)
+            # `clipped` leaves fixed joints where they are, and cannot satisfy an empty range.
             bounds.require_within(q)
         if len(open_rows):
             raise self._not_closed(q, open_rows, bounds)
@@ -271,14 +272,15 @@ class Assembly:
         The step of each group is halved until the group's error falls. A group does not move at all
         if its error does not fall after `_HALVINGS` halvings. A group that was closed before the
         step does not move if its error does not fall at once: this error is mostly rounding.
+
+        Groups share no free joint, so that the error of a group depends on its own step only. A
+        group whose error has fallen keeps its step, and so its error, in the other trials.
         """
         model = self.mechanism.model
         scale = self.mechanism.rate_scale
         step = step.copy()
-        # Groups share no free joint, so that the error of a group depends on its own step only. A
-        # group whose error has fallen keeps its step, and so its error. Therefore a group that is
-        # worse now was worse in all passes before: its step has been halved `halvings` times.
-        halvings = 0
+        for group in groups:
+            group.halvings = 0
         while True:
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._error(trial)
@@ -287,16 +289,17 @@ class Assembly:
             worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
                 return trial, f_trial, moving
-            # The largest errors that count as closed at q. The loops are evaluated at the trial,
-            # but there the coordinates of frames, which give the rounding, are about as large.
+            # The largest errors that count as closed at q. q and Phi are those before the step.
+            # The positions of frames are those at the trial, where the loops are evaluated now;
+            # they are about as large.
             largest_closed = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
                 was_closed = (np.abs(f[group.rows]) < largest_closed[group.rows]).all()
-                if was_closed or halvings == _HALVINGS:
+                if was_closed or group.halvings == _HALVINGS:
                     step[group.rates] = 0.0
                 else:
                     step[group.rates] /= 2
-            halvings += 1
+                    group.halvings += 1
 
     def _error(self, q: Array) -> Array:
         """f at q, free of units, shape (rows,); the loops are evaluated at q."""
@@ -316,26 +319,33 @@ class Assembly:
         return ~closed
 
     def _rounding(self, q: Array, Phi: Array) -> Array:
-        """Rounding of f, shape (rows,); the loops are evaluated at q or a step from it.
+        """Rounding of f at q, free of units, shape (rows,).
 
-        It grows with the positions of the joints and with the distance of the loops from the
-        origin. A position q_k has the error `_ROUNDING` |q_k|, and so f has the error
-        `_ROUNDING` |Phi| |q|.
+        It has two sources:
+
+        - the positions of joints: q_k has the rounding `_ROUNDING` |q_k|, which changes f by
+          `_ROUNDING` |Phi| |q|;
+        - the positions of the loops' frames in the world, where the loops are evaluated.
+
+        Phi is free of units, at q.
         """
         # The positions of joints with one coordinate, which may be many turns. Entries of
-        # quaternions are at most one, so that their rounding is small.
+        # quaternions are at most one, so that their rounding is small. Divided by `rate_scale`,
+        # positions are free of units, as Phi is.
         entries, rates = self.mechanism.space.plain
         sizes = np.abs(q[entries] / self.mechanism.rate_scale[rates])
-        of_joints = np.abs(Phi[:, rates]) @ sizes
+        of_joints = _ROUNDING * (np.abs(Phi[:, rates]) @ sizes)
         # f is a sum of several terms, each with its rounding. The factor 4 is a choice: if it is
         # too small, closed loops far from the origin or with many turns count as open.
-        return 4 * (_ROUNDING * of_joints + self._rounding_of_positions())
+        return 4 * (of_joints + self._rounding_of_positions())
 
     def _rounding_of_positions(self) -> Array:
-        """Rounding of the positions of the frames of each row, free of units, shape (rows,).
+        """Rounding of f from the positions of its frames in the world, shape (rows,).
 
-        Rows of turns have the same value: where rows are redundant, least squares spread the
-        rounding of positions over all rows.
+        A coordinate of a frame has the rounding `_ROUNDING` times its size, in [m]. Divided by the
+        length of the loop (`row_lengths`), it is free of units. Rows that hold a turn get this
+        number too, although angles do not depend on positions: if rows are redundant, least squares
+        spread the errors of positions over all rows of the loop.
         """
         return _ROUNDING * self.loops.largest_coordinates / self.mechanism.row_lengths
 
@@ -360,7 +370,10 @@ class Assembly:
     # --- groups -----------------------------------------------------------------------------
 
     def _groups(self, free: Indices) -> list[_Group]:
-        """The groups of loops that share no free joint; call it after `_error`."""
+        """The groups of loops that share no free joint.
+
+        The loops must be evaluated: their rounding depends on the positions of their frames.
+        """
         key = free.tobytes()
         if key not in self._groups_of_free:
             self._groups_of_free[key] = self._indices_of_groups(free)
@@ -382,6 +395,9 @@ class Assembly:
             touched_by_closure[closure] = loops.touched[rows].any(axis=0)
             closure_of_row[rows] = closure
         groups = list[_GroupIndices]()
+        # A free rate on which no closure depends is a part without closures; a closure without a
+        # free rate is in no part. If wheels slip, closures that hold rates only have no row in
+        # `_rows`. Parts without rows are no groups.
         for closures, columns in connected(touched_by_closure[:, free]):
             is_in_group = np.isin(closure_of_row[self._rows], closures)
             if is_in_group.any():
@@ -398,12 +414,14 @@ class _Group:
         rates: Indices of its free rates.
         least: Errors |f| that are smaller are rounding.
         sizes: |f| of the group at each configuration so far.
+        halvings: How often the present step has been halved.
     """
 
     rows: Indices
     rates: Indices
     least: float
     sizes: list[float] = field(default_factory=list)
+    halvings: int = 0
 
     def size(self, f: Array) -> float:
         """|f| of the group."""
