@@ -36,8 +36,10 @@ this. It refuses a correction
 
 1. if the original is far from closed at a pose where the corrected part closes: the correction
    would make another robot;
-2. if the original closes at the start, and its numbers are not rounded;
-3. if the original moves without a correction, from a home that is closed to the rounding of floats;
+2. if the original closes at the start, and its numbers are not rounded. Short numbers, such as
+   0.25, look rounded even if they are exact;
+3. if the original moves without a correction, from a home that is closed to the rounding of floats:
+   then its short numbers are exact. With rounded placements the loops would be open at home;
 4. if the original moves without a correction, and the displacements are larger than its rounding
    explains. The rounding is that of its numbers, or its gap at the start if this is larger.
 """
@@ -114,6 +116,10 @@ _SOLVED = 1e-14
 #: `ROUNDED_PLACEMENTS`. The others are for small singular values, which the error hides at first.
 _STEPS = 12
 
+#: The error for loops that stay open names the closures whose errors are larger than this part of
+#: the largest error. A choice.
+_NAMED = 3e-3
+
 
 @dataclass(frozen=True)
 class _Part:
@@ -157,7 +163,8 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         original = _Robot(mechanism)
         start = original.start()
         rates = np.arange(mechanism.model.nv)
-        # Independent rows cannot contradict each other.
+        # Independent rows cannot contradict each other. The suspects are all other parts: those
+        # with redundant rows, but also those that are open at the start or have no clear rank.
         suspects = [
             part for part in original.parts if not original.has_independent_rows(start, part)
         ]
@@ -224,24 +231,26 @@ def _justified_correction(
 
 
 def _is_justified(correction: _Correction, original: "_Robot", part: _Part, start: Array) -> bool:
-    """Whether the errors of the original are rounding, and not what somebody wanted."""
-    # The numbers are those of the list in the text of the module.
+    """Whether the errors of the original are rounding, and not what somebody wanted.
+
+    The four reasons against a correction have the numbers of the list in the module's docstring.
+    """
+    # 1. The original is far from closed at a pose where the corrected part closes.
     for q in correction.poses:
         if original.gap(original.closest(q, part.rates), part) > ROUNDED_PLACEMENTS:
-            return False  # 1: the correction would make another robot
+            return False
+    # 2. The original closes at the start, and its numbers do not look rounded.
     rounding = original.rounding(start, part)
     if rounding == 0:
-        return False  # 2: nothing is rounded
+        return False
+    # 3. The original moves from a closed home: its numbers look rounded, but they are exact.
     home = home_of(original.mechanism)
     if home is not None and original.gap(home, part) == 0 and original.moves(home, part):
-        # 3: With rounded placements the loops would be open at home. So the short numbers of the
-        # file, such as 0.25, are exact.
         return False
-    if correction.size <= EXPLAINED * rounding:
-        return True
-    # 4: Rounding does not explain the displacements. They are justified only if the original does
-    # not move: nobody wants a rigid frame as a loop of a robot.
-    return not original.moves(start, part)
+    # 4. Rounding does not explain the displacements, and the original moves. If it does not move,
+    # it is corrected all the same: nobody wants a rigid frame as a loop of a robot.
+    is_explained = correction.size <= EXPLAINED * rounding
+    return is_explained or not original.moves(start, part)
 
 
 def _rank_of_overconstrained(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
@@ -270,10 +279,12 @@ def _find_correction(
     poses_to_close = list(poses)
     total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
-        # The poses were found with earlier placements. `with_displacements` closes them again.
+        # The poses were found with the placements before this try, where the part may be open. Each
+        # step of `with_displacements` moves the joints too, so that the part closes.
         corrected, displacements = corrected.with_displacements(poses_to_close, part, rank)
         total += displacements
-        # The direction of a random step depends on its width: each try has other poses.
+        # Random steps have other directions if their widths differ by 0.001 or more. So each try
+        # has other poses.
         widths = [0.0, *(_CHECKS + k / 100)]
         checks = [corrected.closest(start, part.rates, width) for width in widths]
         # A pose with a larger gap has no closed pose near it. A pose of lower rank is singular.
@@ -406,8 +417,7 @@ class _Robot:
             return
         errors = self.errors(best, part)
         scaled = errors * self.mechanism.row_scale
-        # The error names closures whose errors are not much smaller than the largest one.
-        bound = ROUNDED_PLACEMENTS * scaled.max()
+        bound = _NAMED * scaled.max()
         names = [
             str(closure)
             for closure, rows in zip(self.mechanism.closures, self.loops.slices, strict=True)
@@ -436,7 +446,8 @@ class _Robot:
         places = self.places(part)
         robot = self
         total = np.zeros(6 * len(places))
-        # Each step of Gauss-Newton's method displaces the places, and then moves the joints.
+        # Each step of Gauss-Newton's method displaces the places by d, and moves the joints of each
+        # pose such that the loops close after the displacement.
         for _ in range(_STEPS):
             equations_of_poses = [robot._equations(q, part, rank, places) for q in poses]
             # The equations N^T F d = -N^T f of all poses, one pose below the other.
@@ -447,6 +458,8 @@ class _Robot:
                 break
             # Their shortest least-squares solution d.
             d = -np.linalg.lstsq(N_F, N_f, rcond=max(_ROUNDED, _NOISE * error))[0]
+            # The new poses are computed before the places are displaced: the equations have the
+            # effect F d of the displacement.
             poses = [
                 robot._followed(q, part, equations, d)
                 for q, equations in zip(poses, equations_of_poses, strict=True)
@@ -502,9 +515,10 @@ class _Robot:
             _, placement = place_of(self.mechanism.model, place)
             lengths += placement.translation.tolist()
             angles += pin.rpy.matrixToRpy(placement.rotation).tolist()
-        # Most files write lengths and angles with the same number of digits. So all numbers
-        # together tell the digits of lengths, of which there may be few. Angles may have more
-        # digits, such as 1.5708 where lengths are in millimetres. So they are also judged alone.
+        # There may be too few lengths to judge their digits. Most files write angles with as many
+        # digits as lengths, so that the digits of lengths are judged from all numbers together.
+        # Angles may have more digits, such as 1.5708 beside lengths with three. So they are also
+        # judged alone, and the smaller rounding counts.
         half_digit_of_lengths = half_a_digit(np.array(lengths + angles))
         half_digit_of_angles = min(half_digit_of_lengths, half_a_digit(np.array(angles)))
         gap = self.gap(self.closest(q, part.rates), part)
