@@ -53,7 +53,8 @@ class FrameRows:
         name_a, name_b = frames_of(closure)
         self.frames = [frame_id(tree.model, name_b), frame_id(tree.model, name_a)]
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
-        # Which rates of the normal tree move B, and which move A, shapes (rates,).
+        # Which rates of the normal tree move B, and which move A, shapes (rates,). Row i of
+        # `supports` says which rates move the body of joint i.
         moves_b, moves_a = tree.supports[self.bodies]
         #: The same as numbers 1 and 0, for B and A, shape (2, rates).
         self._moves = np.array([moves_b, moves_a], dtype=float)
@@ -75,21 +76,24 @@ class FrameRows:
     def Phi(self, W: Array, J: Array) -> Array:
         """Jacobian of f, shape (rows, nv): W [J_B; J_A].
 
-        W = [W_B, -W_A], shape (rows, 12), is that of the formulas.
+        The formulas give W = [W_B, -W_A], shape (rows, 12), for the twists t_B and t_A of the
+        frames: df/dt = W_B t_B - W_A t_A.
         """
         return W.dot(self.jacobians(J))
 
     def twists(self, twists_of_rates: Array) -> Array:
         """Twists of B and A, shape (2, 6), from the twists of all rates, shape (rates, 6).
 
-        The twist of a frame is the sum of the twists of the rates that move it.
+        The twist of a frame is the sum of the twists of all rates that move it. Rates that move
+        both frames count too: they turn the wrenches W, whose rate is computed from these twists.
         """
         return self._moves.dot(twists_of_rates)
 
     def jacobians(self, J: Array) -> Array:
         """[J_B; J_A], shape (12, nv): twists of B and A by rates of the model.
 
-        Only the rates of the path between the frames count, as others do not change f.
+        Only the rates of the path between the frames count, others are left out: they move both
+        frames as one body, so that their terms in W [J_B; J_A] cancel.
         """
         J_of_path = J.take(self._path, axis=1)
         # The product of shape (2, 6, nv) has J_B and J_A one after the other.
@@ -149,11 +153,11 @@ class CoupledJoint:
 
 
 class JointRow(ABC):
-    """The row of a coupling or of a brake, which depends on the positions of joints only.
+    """The row of a coupling or of a brake, which depends on joints only, and not on frames.
 
     Attributes:
         at: Where the row is in Phi.
-        joints: The joints of a coupling; none for a brake.
+        joints: The joints whose positions change f: those of a coupling; none for a brake.
         touched: Which rates the row depends on, shape (nv,).
         curved: Which rates change the row of Phi, shape (nv,).
     """
