@@ -141,8 +141,9 @@ class Continuity:
             start: The configuration where the step begins.
             path: Gives configurations at fractions of the step.
             limit: Largest condition number of a regular configuration.
-            first: The fraction that is tried first. A motion that reverses in the step may be long
-                although its ends are close; then it is the fraction where the motion reverses.
+            first: The fraction that is tried first. If a motion goes far and comes back within the
+                step, its ends are close, and the whole step would be accepted unseen. The caller
+                then gives the fraction where the motion reverses.
             most_steps: A step that needs more configurations raises a ClosureError.
         """
         q = start
@@ -154,7 +155,7 @@ class Continuity:
                 raise ClosureError(
                     f"the motion is too long: {100 * done:.2g} % of it took {most_steps} steps; "
                     "give poses in between",
-                    0.0,
+                    residual=0.0,  # the loops are closed at q
                 )
             count += 1
             q_end: Array | None = None
@@ -174,10 +175,13 @@ class Continuity:
     def _goes_on(self, before: Array, after: Array, limit: float) -> bool:
         """Whether the motion goes on from the configuration `before` to `after`.
 
-        It does if both are regular neighbours of one anchor: then all matrices between their Phi
-        are within `CHANGE` of that of the anchor, and regular too. First the anchor of `before` is
-        tried, which may be an earlier configuration. If `after` is no neighbour of it, `before`
-        itself becomes the anchor.
+        It does if both are neighbours of one anchor, and the anchor and `after` are regular: then
+        all matrices between their Phi are within `CHANGE` of that of the anchor, and regular too.
+        First the anchor of `before` is tried, which may be an earlier configuration. If `after` is
+        no neighbour of it, `before` itself becomes the anchor.
+
+        Only the condition number of `after` is compared with `limit`. The first configuration of a
+        motion may be above `limit`, so that motions can lead away from it.
 
         If the motion goes on, `after` becomes the last sample. If not, `before` does: the next try,
         with a shorter step, begins there too, and needs no other SVD.
@@ -228,7 +232,7 @@ class Continuity:
 
         A block with one dependent rate has only one singular value, so that their ratio would
         always be 1. As in `largest_condition`, this value is compared with the usual size of the
-        block, if that is larger.
+        block, if that is larger. Blocks with several rates have the usual size 0.
         """
         by_shape = zip(self._blocks, sample.blocks, anchor.smallest, strict=True)
         for blocks, matrices, smallest in by_shape:
