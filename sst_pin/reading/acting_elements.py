@@ -102,7 +102,7 @@ def _gazebo(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
     for path in _ACTING_OF_GAZEBO:
         for part in element.findall(path):
             text = (part.text or "").strip()
-            if not stands_for(text, 0):
+            if not stands_for(text, 0):  # neither zeros nor false
                 yield warning(where, f"{path} {text!r} is not read")
     for tag in SPRINGS.values():
         for part in element.findall(tag):
@@ -123,9 +123,10 @@ _FORCELESS = re.compile(
     "detector|drive|forcetorque|gps|label|laser|lidar|magnetometer|monitor|navsat|openni|p3d|"
     "physics|projector|publisher|range|scene|sensor|sonar|steering|trajectory|usercommands|video"
 )
-#: The same for the short words imu and ray, in `plugin_name`. A word starts after a character that
-#: is no letter, or with a capital letter, and no small letter follows it: `array` and `Rayleigh`
-#: do not contain the word `ray`.
+#: The same for the short words imu and ray, in `plugin_name`. Written small, a word starts at the
+#: beginning or after a character that is no letter, as in `gpu_ray`. With a capital letter it may
+#: start anywhere, as in `GpuRay`. No small letter follows it. So `array` and `Rayleigh` do not
+#: contain the word `ray`.
 _FORCELESS_WORDS = re.compile("((?<![A-Za-z])(imu|ray)|Imu|IMU|Ray)(?![a-z])")
 
 
@@ -193,14 +194,7 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
     for part in element:
         for key in _ACTING_OF_MUJOCO.get(part.tag, ()):
             value = part.get(key)
-            if value is None or value in ("false", "auto"):  # texts of defaults
-                continue
-            # A total mass below zero, the default, changes no masses.
-            mass = numbers(value, 1) if key == "settotalmass" else None
-            if mass is not None and mass[0] <= 0:
-                continue
-            # Zero changes nothing, unless it is a gravity.
-            if key == "gravity" or not stands_for(value, 0):
+            if value is not None and not _changes_nothing(key, value):
                 yield warning("<mujoco>", f"<{part.tag} {key}={value!r}> is not read")
     for flags in element.findall("option/flag"):
         for key in _FLAGS_OF_MUJOCO:
@@ -209,6 +203,20 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
     for tag in ("equality", "tendon", "actuator", "contact"):
         if element.find(tag) is not None:
             yield warning("<mujoco>", f"<{tag}> is not read; ClosedChain.from_mjcf reads an MJCF")
+
+
+def _changes_nothing(key: str, value: str) -> bool:
+    """Whether an attribute of `_ACTING_OF_MUJOCO` acts as if it were not there."""
+    if value in ("false", "auto"):  # texts of defaults
+        return True
+    if key == "settotalmass":
+        # The default is below zero, and changes no masses.
+        mass = numbers(value, 1)
+        return mass is not None and bool(mass[0] <= 0)
+    if key == "gravity":
+        gravity = numbers(value, 3)
+        return gravity is not None and gravity.tolist() == [0.0, 0.0, -9.81]  # MuJoCo's default
+    return stands_for(value, 0)
 
 
 # --- Joints and links ---------------------------------------------------------------------------

@@ -111,6 +111,7 @@ def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
         '<ros2_control name="c"><joint name="hinge"/></ros2_control>',
         '<mujoco><option><flag gravity="enable" contact="disable"/></option></mujoco>',
         '<mujoco><compiler settotalmass="-1" boundmass="0"/></mujoco>',
+        '<mujoco><option gravity="0 0 -9.81"/></mujoco>',
     ],
 )
 def test_what_does_not_act_is_not_named(tmp_path, element):
