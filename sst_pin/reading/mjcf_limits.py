@@ -43,6 +43,8 @@ def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force_rang
         return
     effort = _effort(compiled, f"joint {compiled.joint_name(joint)}", force_range)
     if np.isfinite(effort):
+        # `tree.dofs` has MuJoCo's index of each rate of the model. So the place in this list is the
+        # index of the rate in the model.
         tree.model.effortLimit[tree.dofs.index(rate)] = effort
 
 
@@ -50,7 +52,7 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
     """The range of the force on each target of actuators, by its kind and index.
 
     A range has the shape (2,), [N] or [N m]; it is the sum over all actuators on the target. A
-    joint may limit this sum. Without actuators it has the range of its limit.
+    joint or a tendon may limit this sum. A joint without actuators has the range of its limit.
     """
     mj = compiled.mj
     ranges = dict[tuple[str, int], Array]()
@@ -86,7 +88,7 @@ def _range_of(compiled: Compiled, i: int) -> Array:
         and mj.actuator_biastype[i] == int(mujoco.mjtBias.mjBIAS_NONE)
         and mj.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_NONE)
     )
-    # Newer versions of MuJoCo can have several controls of one actuator.
+    # Newer versions of MuJoCo can have several controls of one actuator: the index of the first.
     control = getattr(mj, "actuator_ctrladr", np.arange(mj.nu))[i]
     lower = -np.inf
     upper = np.inf

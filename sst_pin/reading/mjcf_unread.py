@@ -48,6 +48,8 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
 
     # Fields of which MuJoCo tells whether they act.
     forces = SampledForces(compiled, tree)
+    # `body_gravcomp`, shares of weights that are compensated, is read. Only if motors compensate
+    # them, which `actuatorgravcomp` of a joint says, it is not supported.
     if compiled.motors_carry_weights and forces.depend_on("body_gravcomp"):
         problems.append(
             "actuatorgravcomp is not supported: remove gravcomp; the torques of the motors are "
@@ -70,7 +72,8 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
 def _problems_of_partly_locked(compiled: Compiled) -> Iterator[str]:
     """Problems of balls and free joints that are locked in part and have forces, such as a spring.
 
-    The forces depend on all rates of such a joint.
+    The caller of the reader names joints or single rates to lock. Without some of its rates, a
+    joint would have other forces than MuJoCo's joint.
     """
     mj = compiled.mj
     for joint in range(mj.njnt):
@@ -117,7 +120,10 @@ def _is_ball_locked_in_part(compiled: Compiled, joint: int) -> bool:
 
 
 def _dead_band_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
-    """Springs of fixed tendons without a force in a range of lengths."""
+    """Springs of fixed tendons without a force in a range of lengths.
+
+    For spatial tendons `mjcf_lines` says which of these springs are supported.
+    """
     if compiled.disabled("spring"):
         return
     for tendon in tree.tendons:
