@@ -4,7 +4,8 @@
 Meshes and collision geometry both come from these solids, so they agree. The surface of a solid
 (`lofted`) goes through its *loops*, which are the outlines of cross-sections from one end of the
 solid to the other. Loops have the shape (loops, points, 3), [m]. Each loop is a convex polygon with
-the same number of points, counterclockwise for a viewer at the last loop.
+the same number of points. These are counterclockwise for a viewer who looks from beyond the last
+loop back to the first one.
 
 `trimesh.creation` has no bevels, leaves out triangles below 1e-8 m^2, so that robots of a
 millimetre would have holes, and needs two more packages for the ends of an arc.
@@ -66,6 +67,7 @@ class Cylinder(NamedTuple):
         bevel = _BEVEL * min(r_0, r_1, length)
         heights = np.array((0, bevel, length - bevel, length))
         radii = np.array((r_0 - bevel, r_0, r_1, r_1 - bevel))
+        # All loops need the same number of points: the largest circle needs the most.
         unit_circle = _circle(radii.max()) / radii.max()
         circles = [r * unit_circle for r in radii]
         # `_loops_along` expects the axis of the cylinder first.
@@ -105,7 +107,7 @@ class Arc(NamedTuple):
         if self.round:
             section = _circle(depth / 2)
         else:
-            section = _rectangle(depth, width, _BEVEL * min(self.section))
+            section = _rectangle(depth, width, _BEVEL * min(self.section))  # points (radial, axial)
         angles = np.linspace(0, self.angle, _parts(self.angle, _STEP) + 1)
         # Cylindrical coordinates of the points of each section, in the axes of the arc.
         r = self.radius + section[:, 0]
@@ -113,9 +115,9 @@ class Arc(NamedTuple):
         y = np.outer(np.sin(angles), r)
         z = np.broadcast_to(section[:, 1], x.shape)
         loops = np.stack([x, y, z], axis=-1)
-        # Sections are counterclockwise in (r, z). For a viewer at the last section they are
-        # clockwise, because r, z and the direction of the arc are left-handed. So the points of
-        # each loop are reversed.
+        # Sections are counterclockwise if r points to the right and z up. A viewer who looks back
+        # along the arc, from beyond its last section, sees r to the left when z is up: r x z points
+        # against the direction of the arc. So sections are clockwise there, and are reversed.
         return loops[:, ::-1] @ self.axes.T
 
     def pieces(self) -> Iterator[Primitive]:
@@ -235,10 +237,13 @@ def _circle(radius: float) -> Array:
     return radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def _rectangle(width: float, depth: float, bevel: float) -> Array:
-    """Points of a rectangle with its corners cut off, counterclockwise, shape (8, 2)."""
-    a = width / 2
-    b = depth / 2
+def _rectangle(first: float, second: float, bevel: float) -> Array:
+    """Points of a rectangle with its corners cut off, counterclockwise, shape (8, 2).
+
+    `first` and `second` are its sizes along the first and the second axis.
+    """
+    a = first / 2
+    b = second / 2
     # Two points on the right side and two on the upper side; the others are opposite to these.
     half = np.array(((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b)))
     return np.concatenate([half, -half])

@@ -25,7 +25,7 @@ _END = 1e-9
 
 def arc_ends(geometry: kinematics.Geometry) -> Array:
     """Limits of each joint from the length of its arc, shape (2, 9), [rad]; mu_k has none."""
-    v = geometry.R_0[:, :, 0]  # rows
+    v = geometry.R_0[:, :, 0]  # row k is v_k: the x axis of {0k} points from O to P_k
     low = np.full((3, 3), -np.inf)  # leg, joint
     high = np.full((3, 3), np.inf)
     low[:, 0] = 0.0  # gamma_k
@@ -49,9 +49,9 @@ def findings(
     # Ends of arcs.
     names = tuple(model.names)[1:]
     low, high = arc_ends(geometry)
-    units = ["deg"] * len(names)
+    units = ["deg"] * len(names)  # for the texts; all values are in [rad]
     # A whole turn leads to the same place: angles are compared within half a turn of the middle of
-    # the arc, which begins at 0.
+    # the arc, which begins at 0. mu_k has no arc; any middle would do.
     middle = np.where(np.isfinite(low), high / 2, 0)
     turned = middle + in_one_turn(q - middle)
     is_outside = np.maximum(low - turned, turned - high) > _END
@@ -69,7 +69,7 @@ def findings(
         is_close = sine < SMALLEST_SINE
         limits = (SMALLEST_SINE, np.inf)
         yield from singular(problem, (f"mu_{k}",), t, sine, is_close, limits)
-    condition = np.linalg.cond(legs.y_2)
+    condition = np.linalg.cond(legs.y_2)  # the rows of A are those of y_2
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
     is_close = condition > LARGEST_CONDITION
     limits = (-np.inf, LARGEST_CONDITION)
