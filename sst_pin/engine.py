@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
@@ -13,15 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .arrays import (
-    Array,
-    Indices,
-    finite_array,
-    for_each_sample,
-    positive_number,
-    require_policy,
-    whole_number,
-)
+from .arrays import Array, finite_array, for_each_sample, positive_number
 from .dynamics import regressor
 from .dynamics.derivatives import (
     AccelerationDerivatives,
@@ -34,12 +25,12 @@ from .dynamics.reactions import Reactions, axes_of, compliances_of, size_of, unp
 from .dynamics.reference import Reference
 from .dynamics.torque_sharing import preload_directions, weights_of
 from .engine_arguments import EngineArguments, Wrenches
-from .errors import ClosureError, InputError, SingularConfigurationError, SSTError
+from .engine_paths import EnginePaths
+from .errors import ClosureError, InputError, SingularConfigurationError
 from .kernel_protocols import Kernel, Kernels
 from .loops.closed_loops import ClosedLoops
 from .model.mechanism import Mechanism
 from .model.tree import frame_id
-from .progress import FASTER
 from .states import StateSpace
 
 if TYPE_CHECKING:
@@ -93,19 +84,14 @@ def require_robot(name: str, value: object) -> None:
 class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
-    Each quantity has a method, with the arguments that `ClosedChain` describes. A method computes
-    it in this order, until there is a result:
+    Each quantity has a method, with the arguments that `ClosedChain` describes. The method says
+    what is computed. `EnginePaths` chooses the path: it asks the kernel of the quantity, by
+    `Kernel.answer`, before it checks arguments; the reference path computes the samples that
+    kernels do not.
 
-    1. It asks `Kernel.answer`, with unchecked arguments, because checks take longer than a kernel.
-       If the arguments are wrong, or a sample fails a check of the kernel, there is no answer.
-    2. It checks the arguments. If they are wrong, it raises an error.
-    3. For a batch it calls `Kernel.many`. A single sample that got no answer in step 1 skips this:
-       it would fail the same checks of the kernel.
-    4. The reference path computes the samples that are left. It finds the result or raises the
-       error.
-
-    In control loops `ClosedChain` does step 1 itself (by `torque_kernel` and so on). Without an
-    answer it calls the method with `ask_kernel=False`, so that step 1 is not done again.
+    In control loops `ClosedChain` asks `Kernel.answer` itself (by `torque_kernel` and so on).
+    Without an answer it calls the method with `ask_kernel=False`, so that the kernel is not asked
+    again.
 
     Args:
         mechanism: The mechanism.
@@ -135,40 +121,26 @@ class Engine:
         self.arguments = EngineArguments(mechanism, self.loops, platform)
         self._n = len(mechanism.coordinates)
         self._motors = mechanism.motor_count
-        if kernels is not None:
-            self._kernels_or_reason = kernels  # in place of the cached property
+        self._paths = EnginePaths(mechanism, reference, self.arguments, make_kernels, kernels)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickled, (self.mechanism, self.make_kernels, self.platform)
 
     # --- what computes ----------------------------------------------------------------------
 
-    @cached_property
-    def _kernels_or_reason(self) -> Kernels | str:
-        """The kernels, or a text that says why there are none."""
-        if self.make_kernels is None:
-            return "no kernels yet; compile() makes them"
-        try:
-            return self.make_kernels(self.reference)
-        except SSTError as error:
-            return str(error)
-
-    @cached_property
+    @property
     def kernels(self) -> Kernels | None:
         """The compiled kernels; None where the reference path computes everything."""
-        kernels = self._kernels_or_reason
-        return None if isinstance(kernels, str) else kernels
+        return self._paths.kernels
 
     @property
     def backend(self) -> str:
         """A sentence that says which backend is in use, and why."""
-        if self.kernels is None:
-            return f"the reference path: {self._kernels_or_reason}"
-        return str(self.kernels)
+        return self._paths.backend
 
     def kernel(self, key: Quantity) -> Kernel | None:
         """The kernel of a quantity; None where the reference path computes it."""
-        return None if self.kernels is None else self.kernels.kernel(key)
+        return self._paths.kernel(key)
 
     # Control loops call these directly: one more Python function would cost a third of the time.
 
@@ -190,165 +162,6 @@ class Engine:
         kernel = self.kernel(Quantity("accelerations"))
         return None if kernel is None else kernel.answer
 
-    # --- kernel or reference path -----------------------------------------------------------
-    #
-    # These functions do the four steps: `_without_loads` and `_under_loads` do the first two, and
-    # `_each_sample` does the last two. Their arguments are:
-    #   key        which quantity it is
-    #   of_sample  the function of the reference path that computes one sample
-    #   shape      the shape of the result for one sample
-    #   vectors    the arguments besides q, by their names, in the order of `of_sample`
-    #   asked      whether step 1 was done; then `Kernel.answer` gave no answer
-
-    def _without_loads(
-        self,
-        key: Quantity,
-        of_sample: Callable[..., Array],
-        shape: tuple[int, ...],
-        q: ArrayLike,
-        vectors: Mapping[str, ArrayLike],
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
-        """A quantity that has no loads; the reference path is `of_sample(q, *vectors)`."""
-        require_policy(on_error)
-        # Step 1.
-        kernel = self.kernel(key)
-        asked = False
-        can_answer = on_error == "raise" and _can_answer(shape, vectors, out)
-        if kernel is not None and can_answer:
-            answer = _answer(kernel, shape, q, vectors, None, out, threads)
-            if answer is not None:
-                return answer
-            asked = True
-        # Step 2.
-        if key.frame is not None:
-            of_sample = partial(of_sample, frame=frame_id(self.mechanism.model, key.frame))
-        samples = self.arguments.state(q, **vectors)
-        # Steps 3 and 4.
-        return self._each_sample(
-            of_sample,
-            samples,
-            [1 for _ in samples],
-            shape,
-            kernel,
-            asked=asked,
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
-
-    def _under_loads(
-        self,
-        key: Quantity,
-        of_sample: Callable[..., Array],
-        shape: tuple[int, ...],
-        q: ArrayLike,
-        vectors: Mapping[str, ArrayLike],
-        *,
-        kernel_exists: bool = True,
-        ask_kernel: bool = True,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: Wrenches | None = None,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
-        """A quantity under loads; the reference path is `of_sample(q, *vectors, wrenches)`.
-
-        A quantity has two kernels. The first one takes no wrenches, but a moment on the platform.
-        The second one (`loaded`) takes wrenches on all bodies. `kernel_exists` is False if neither
-        can compute what is asked for, such as torques with weights. `ask_kernel` is False if the
-        caller has asked `Kernel.answer` already.
-        """
-        require_policy(on_error)
-        # Step 1, with the first kernel, if there are no wrenches.
-        kernel = None
-        if kernel_exists and external_wrenches is None:
-            kernel = self.kernel(key)
-        asked = not ask_kernel  # then the caller did step 1
-        can_answer = on_error == "raise" and _can_answer(shape, vectors, out)
-        if kernel is not None and ask_kernel and can_answer:
-            answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
-            if answer is not None:
-                return answer
-            asked = True
-        # Step 2. From here on, a moment on the platform is one of the wrenches on all bodies.
-        wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
-        state = self.arguments.state(q, **vectors)
-        axes = [1 for _ in state]
-        axes.append(2)  # of the wrenches
-        # Steps 3 and 4. `Kernel.many` of the first kernel takes no moment on the platform, so that
-        # the second kernel gets all loads.
-        if kernel_exists and wrenches is not None:
-            kernel = self.kernel(key._replace(loaded=True))
-        return self._each_sample(
-            of_sample,
-            [*state, wrenches],
-            axes,
-            shape,
-            kernel,
-            asked=asked,
-            out=out,
-            threads=threads,
-            on_error=on_error,
-        )
-
-    def _each_sample(
-        self,
-        of_sample: Callable[..., Array],
-        samples: Sequence[Array | None],
-        axes: Sequence[int],
-        shape: tuple[int, ...],
-        kernel: Kernel | None,
-        *,
-        asked: bool,
-        out: Array | None,
-        threads: int,
-        on_error: str,
-    ) -> Array:
-        """Results for checked arrays, by steps 3 and 4.
-
-        Args:
-            of_sample: The reference path; its arguments are a sample of each of `samples`.
-            samples: Arrays with a sample or a batch, None for no loads.
-            axes: Number of axes of one sample, for each of `samples`.
-            shape: Shape of the result of one sample.
-            kernel: The kernel, None if there is none.
-            asked: Whether step 1 was done, without an answer.
-            out: Array for the results, or None.
-            threads: Number of threads of `Kernel.many`.
-            on_error: "raise" or "nan", for samples that fail.
-        """
-        threads = whole_number("threads", threads, 1)
-        single = all(
-            array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
-        )
-        # Step 3 is skipped for a single sample that got no answer: it would fail the same checks in
-        # `Kernel.many`. But if `out` shares memory with an argument, `Kernel.answer` has refused it
-        # without a check, and `Kernel.many`, which gets an array of its own, may succeed.
-        if single and asked and not _shares_memory(out, samples):
-            kernel = None
-        if single and kernel is None and out is None and on_error == "raise":
-            return of_sample(*samples)
-        hint = ""
-        if self.make_kernels is None:
-            hint = f"computing on the slow reference path; {FASTER}"
-        fill = None
-        if kernel is not None:
-            fill = partial(_fill, kernel, min(threads, sys.maxsize))
-        return for_each_sample(
-            of_sample, samples, axes, shape, on_error=on_error, out=out, fast=fill, hint=hint
-        )
-
-    def _frame_key(self, name: Name, frame: Any) -> Quantity:
-        """The key of a quantity of a frame; anything but a name is refused."""
-        if not isinstance(frame, str):
-            frame_id(self.mechanism.model, frame)  # raises the error
-        return _key(name, frame)
-
     # --- dynamics ---------------------------------------------------------------------------
 
     def torques(
@@ -365,7 +178,7 @@ class Engine:
         of_sample: Callable[..., Array] = self.reference.torques
         if weights is not None:
             of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
-        return self._under_loads(
+        return self._paths.under_loads(
             _key("torques"),
             of_sample,
             (self._motors,),
@@ -389,7 +202,7 @@ class Engine:
         key = _key("generalized_forces")
         of_sample = self.reference.generalized_forces
         vectors = {"va": va, "aa": aa}
-        return self._under_loads(
+        return self._paths.under_loads(
             key, of_sample, (self._n,), q, vectors, ask_kernel=ask_kernel, **options
         )
 
@@ -406,7 +219,7 @@ class Engine:
         key = _key("accelerations")
         of_sample = self.reference.accelerations
         vectors = {"va": va, "tau": tau}
-        return self._under_loads(
+        return self._paths.under_loads(
             key, of_sample, (self._n,), q, vectors, ask_kernel=ask_kernel, **options
         )
 
@@ -418,7 +231,7 @@ class Engine:
         key = _key("reduced_terms")
         of_sample = self.reference.reduced_terms
         size = 2 * n * (n + 1)  # two matrices and two vectors
-        numbers = self._without_loads(key, of_sample, (size,), q, {"va": va}, **options)
+        numbers = self._paths.without_loads(key, of_sample, (size,), q, {"va": va}, **options)
         return ReducedTerms.of_rows(numbers, n)
 
     def torque_regressor(
@@ -428,7 +241,7 @@ class Engine:
         key = _key("torque_regressor")
         of_sample = self.reference.torque_regressor
         shape = self._n, regressor.size_of(self.mechanism)
-        return self._without_loads(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
+        return self._paths.without_loads(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
 
     def reactions(
         self,
@@ -504,7 +317,7 @@ class Engine:
             of_sample = _without_torques(of_sample)
         else:
             vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
-        return self._under_loads(
+        return self._paths.under_loads(
             _key("reactions"),
             of_sample,
             shape,
@@ -559,7 +372,9 @@ class Engine:
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
-        return self._without_loads(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
+        return self._paths.without_loads(
+            key, of_sample, (self._n, self._n), q, {"va": va}, **options
+        )
 
     def _derivatives(
         self,
@@ -599,7 +414,7 @@ class Engine:
             slope = self._slope_of_arms(external_wrenches, q, policy)
             if kind is AccelerationDerivatives:
                 inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
-        matrices = self._under_loads(
+        matrices = self._paths.under_loads(
             key,
             partial(of_sample, sign_width=key.sign_width),
             shape,
@@ -654,26 +469,26 @@ class Engine:
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, shape (..., nv)."""
         shape = (self.mechanism.model.nv,)
-        return self._without_loads(_key("rates"), self.reference.rates, shape, q, {"va": va})
+        return self._paths.without_loads(_key("rates"), self.reference.rates, shape, q, {"va": va})
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, shape (..., nv)."""
         key = _key("joint_accelerations")
         of_sample = self.reference.joint_accelerations
         shape = (self.mechanism.model.nv,)
-        return self._without_loads(key, of_sample, shape, q, {"va": va, "aa": aa})
+        return self._paths.without_loads(key, of_sample, shape, q, {"va": va, "aa": aa})
 
     def actuator_jacobian(self, q: ArrayLike, **options: Unpack[Options]) -> Array:
         """J, shape (..., motors, n): the motors' rates are J va."""
         key = _key("actuator_jacobian")
         of_sample = self.reference.actuator_jacobian
-        return self._without_loads(key, of_sample, (self._motors, self._n), q, {}, **options)
+        return self._paths.without_loads(key, of_sample, (self._motors, self._n), q, {}, **options)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity is J va."""
         key = self._frame_key("frame_jacobian", frame)
         of_sample = self.reference.frame_jacobian
-        return self._without_loads(key, of_sample, (6, self._n), q, {}, **options)
+        return self._paths.without_loads(key, of_sample, (6, self._n), q, {}, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -681,7 +496,7 @@ class Engine:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
         key = self._frame_key("frame_jacobian_rate", frame)
         of_sample = self.reference.frame_jacobian_rate
-        return self._without_loads(key, of_sample, (6, self._n), q, {"va": va}, **options)
+        return self._paths.without_loads(key, of_sample, (6, self._n), q, {"va": va}, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -689,7 +504,7 @@ class Engine:
         """[linear; angular] acceleration of a frame for aa = 0, shape (..., 6)."""
         key = self._frame_key("frame_drift", frame)
         of_sample = self.reference.frame_drift
-        return self._without_loads(key, of_sample, (6,), q, {"va": va}, **options)
+        return self._paths.without_loads(key, of_sample, (6,), q, {"va": va}, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -697,8 +512,14 @@ class Engine:
         """Derivatives of a frame's velocity by q and va; `out` has them side by side."""
         key = self._frame_key("frame_velocity_derivatives", frame)
         of_sample = self.reference.frame_velocity_derivatives
-        both = self._without_loads(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
+        both = self._paths.without_loads(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
         return FrameVelocityDerivatives(dq=both[..., : self._n], dva=both[..., self._n :])
+
+    def _frame_key(self, name: Name, frame: Any) -> Quantity:
+        """The key of a quantity of a frame; anything but a name is refused."""
+        if not isinstance(frame, str):
+            frame_id(self.mechanism.model, frame)  # raises the error
+        return _key(name, frame)
 
     # --- quantities without kernels ---------------------------------------------------------
 
@@ -745,65 +566,6 @@ class Engine:
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
-
-
-def _can_answer(
-    shape: tuple[int, ...], vectors: Mapping[str, ArrayLike], out: Array | None
-) -> bool:
-    """Whether `Kernel.answer` can be asked.
-
-    It takes at most two vectors besides q. It gives a matrix as a row of its entries, and so cannot
-    write matrices into `out`.
-    """
-    is_matrix = len(shape) > 1
-    return len(vectors) <= 2 and not (is_matrix and out is not None)
-
-
-def _answer(
-    kernel: Kernel,
-    shape: tuple[int, ...],
-    q: ArrayLike,
-    vectors: Mapping[str, ArrayLike],
-    moment: ArrayLike | None,
-    out: Array | None,
-    threads: int,
-) -> Array | None:
-    """The result of `Kernel.answer` in the shape of the quantity, or None.
-
-    Args:
-        kernel: The kernel.
-        shape: Shape of the result of one sample.
-        q: Configurations.
-        vectors: The other arguments, by their names, at most two.
-        moment: The moment on the platform, the only load that `Kernel.answer` takes.
-        out: As for `ClosedChain`.
-        threads: As for `ClosedChain`.
-    """
-    second, third, *_ = (*vectors.values(), None, None)  # None for a vector that is not there
-    result = kernel.answer(q, second, third, moment, out, threads)
-    if len(shape) > 1 and result is not None:
-        result = result.reshape(*result.shape[:-1], *shape)
-    return result
-
-
-def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
-    """Whether `out` may share memory with an argument; `Kernel.answer` gives no answer then."""
-    return isinstance(out, np.ndarray) and any(
-        array is not None and np.may_share_memory(array, out) for array in samples
-    )
-
-
-def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
-    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves.
-
-    `flat` are the arguments of N samples, shape (N, ...), None for no wrenches.
-    """
-    arguments = []
-    for array in flat:
-        if array is not None:
-            size = int(np.prod(array.shape[1:]))  # of one sample
-            arguments.append(np.require(array, float, "A").reshape(len(result), size))
-    return kernel.many(tuple(arguments), result, threads)
 
 
 def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:

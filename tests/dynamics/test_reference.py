@@ -43,7 +43,7 @@ def test_the_page_lists_the_files_from_the_call_to_the_dynamics():
     plain = sst_pin.robots.four_bar()
     assert names == files_entered(plain)
     of_quaternions = files_entered(sst_pin.robots.delta())
-    assert of_quaternions == [*names[:6], "model/joint_space", *names[6:]]
+    assert of_quaternions == [*names[:7], "model/joint_space", *names[7:]]
     friction = sst_pin.ClosedChain(
         plain.model, plain.closures, ["crank"], viscous_friction=np.full(3, 0.1)
     )
