@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
 import numpy as np
@@ -39,8 +39,9 @@ if TYPE_CHECKING:
 #: The class of the result of `Engine._derivatives`.
 DerivativesT = TypeVar("DerivativesT", TorqueDerivatives, AccelerationDerivatives)
 
-#: `Quantity`, made once for equal arguments: making one takes as long as a small kernel.
-_key = cache(Quantity)
+#: `Quantity`, made once for equal arguments: making one takes as long as a small kernel. The cache
+#: is bounded, because callers may vary `sign_width`.
+_key = lru_cache(maxsize=1024)(Quantity)
 
 
 class Options(TypedDict, total=False):
@@ -117,6 +118,7 @@ class Engine:
         self.platform = platform
         reference = Reference(mechanism)
         self.reference = reference
+        # A function in place of an assembly: each thread has its own.
         self.loops = ClosedLoops(mechanism, lambda: reference.context.assembly)
         self.arguments = EngineArguments(mechanism, self.loops, platform)
         self._n = len(mechanism.coordinates)
@@ -275,8 +277,8 @@ class Engine:
     ) -> tuple[Array, Array]:
         """The unique parts of the forces of `reactions`, shape (..., r + closures, 3).
 
-        The second result is the number of directions along which a force is not unique, shape
-        (..., r + closures).
+        r is the number of joints. The second result is the number of directions along which a force
+        is not unique, shape (..., r + closures).
         """
         count = self.mechanism.model.njoints - 1 + len(self.mechanism.closures)
         of_sample = self.reference.unique_forces
@@ -361,14 +363,17 @@ class Engine:
         """D, shape (..., n, n): x_dot = dva + D x for displacements x from a motion.
 
         A second motion lies beside a first one: x is its small displacement from the first motion,
-        in the coordinates, and dva are its rates va minus those of the first motion. D differs from
-        zero only if coordinates are rates whose axes turn with the body, such as those of balls.
-        `linearize` uses it.
+        in the coordinates, and dva are its rates va minus those of the first motion. `linearize`
+        uses D.
 
-        The displacement of all joints is d = L x. If the first motion has the rates v about axes of
-        the body, the second one has the rates v + d_dot + [v, d], with the bracket [a, b] of
-        twists, because small displacements do not commute. S selects the coordinates:
-        dva = x_dot + S [v, L x]. So column k of D is -S [v, L e_k].
+        Column k of D is -S [v, L e_k], where S selects the coordinates from the rates of all
+        joints, and [a, b] is the bracket of twists. It differs from zero only if coordinates are
+        rates whose axes turn with the body, such as those of balls. It comes from these steps:
+
+        - The displacement of all joints is d = L x.
+        - Small displacements do not commute. If the first motion has the rates v about axes of the
+          body, the second one has the rates v + d_dot + [v, d].
+        - In the coordinates, their difference is dva = x_dot + S [v, L x] = x_dot - D x.
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
@@ -394,11 +399,10 @@ class Engine:
         `vectors` has va, and then aa or tau.
         """
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
-        # Step 1. `Kernel.derivatives` is `Kernel.answer` with a result of this kind. It takes no
-        # loads and no options. If it has been asked, `_under_loads` does not ask again.
-        kernel = None
-        if external_wrenches is None and not options:
-            kernel = self.kernel(key)
+        # `Kernel.derivatives` is `Kernel.answer` with a result of this kind. It takes no loads and
+        # no options. With them, `under_loads` asks `Kernel.answer` below.
+        ask_now = external_wrenches is None and not options
+        kernel = self.kernel(key) if ask_now else None
         if kernel is not None:
             second, third = vectors.values()
             one_thread = 1
@@ -420,7 +424,7 @@ class Engine:
             shape,
             q,
             vectors,
-            ask_kernel=kernel is None,
+            ask_kernel=not ask_now,
             external_wrenches=external_wrenches,
             **options,
         )
@@ -448,7 +452,7 @@ class Engine:
 
         `EngineArguments.wrenches` moves a wrench from its frame to the mass centre of the body: it
         adds the moment arm x force, with the arm from the mass centre to the frame.
-        `_under_loads` differentiates for constant wrenches at the mass centres. But the arm turns
+        `under_loads` differentiates for constant wrenches at the mass centres. But the arm turns
         with the body, and so the moment changes: this change is the part computed here.
         """
         slope = np.zeros((self._n, self._n))
@@ -516,7 +520,11 @@ class Engine:
         return FrameVelocityDerivatives(dq=both[..., : self._n], dva=both[..., self._n :])
 
     def _frame_key(self, name: Name, frame: Any) -> Quantity:
-        """The key of a quantity of a frame; anything but a name is refused."""
+        """The key of a quantity of a frame.
+
+        Anything but a name is refused here, because keys must be hashable. An unknown name is
+        refused later, by `Kernels.kernel` or when the arguments are checked.
+        """
         if not isinstance(frame, str):
             frame_id(self.mechanism.model, frame)  # raises the error
         return _key(name, frame)
@@ -528,9 +536,10 @@ class Engine:
         J = self.actuator_jacobian(q, on_error=on_error)
         if self.mechanism.driven_one_to_one:
             return np.zeros((*J.shape[:-1], 0))
-        # Any basis of the directions would do. The basis of the first sample is chosen near to the
-        # basis at the example, a regular configuration. If the coordinates are singular there, the
-        # basis at the first regular sample takes its place.
+        # Any basis of the directions would do. `preload_directions` chooses the basis of the first
+        # sample near to the basis at a reference: the mechanism's example, a closed configuration.
+        # If the coordinates are singular there, or there is no example, it gets None, and takes the
+        # first sample without an error as the reference.
         try:
             regular = self.actuator_jacobian(self.loops.example())
         except (ClosureError, SingularConfigurationError):
@@ -580,9 +589,11 @@ def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
 def _unpickled(
     mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
 ) -> Engine:
-    """An engine with read-only arrays and a copied model: unpickled mimic joints would crash."""
-    # Unpickled arrays are writable. `replace` without changes makes the part again, with read-only
-    # arrays.
+    """An engine from the parts that `Engine.__reduce__` gives."""
+    # Unpickled arrays are writable. `replace` without changes makes a part again, and then it makes
+    # its arrays read-only. The parts listed here do so; `replace(mechanism, ...)` does the same for
+    # the mechanism itself. The model is copied, because Pinocchio crashes with mimic joints that
+    # were unpickled.
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
     if mechanism.weight_shares is not None:
         parts["weight_shares"] = replace(mechanism.weight_shares)

@@ -114,13 +114,13 @@ class EnginePaths:
         require_policy(on_error)
         # Step 1.
         kernel = self.kernel(key)
-        asked = False
+        unanswered = False
         can_answer = on_error == "raise" and _can_answer(shape, vectors, out)
         if kernel is not None and can_answer:
             answer = _answer(kernel, shape, q, vectors, None, out, threads)
             if answer is not None:
                 return answer
-            asked = True
+            unanswered = True
         # Step 2.
         if key.frame is not None:
             of_sample = partial(of_sample, frame=frame_id(self._mechanism.model, key.frame))
@@ -132,7 +132,7 @@ class EnginePaths:
             [1 for _ in samples],
             shape,
             kernel,
-            asked=asked,
+            unanswered=unanswered,
             out=out,
             threads=threads,
             on_error=on_error,
@@ -156,30 +156,32 @@ class EnginePaths:
     ) -> Array:
         """A quantity under loads; the reference path is `of_sample(q, *vectors, wrenches)`.
 
-        A quantity has two kernels. The first one takes no wrenches, but a moment on the platform.
-        The second one (`loaded`) takes wrenches on all bodies. `kernel_exists` is False if neither
-        can compute what is asked for, such as torques with weights. `ask_kernel` is False if the
-        caller has asked `Kernel.answer` already.
+        A quantity has two kernels. The first one takes no wrenches; its `Kernel.answer` takes a
+        moment on the platform. The second one (`loaded`) takes wrenches on all bodies.
+
+        `kernel_exists` is False if neither can compute what is asked for, such as torques with
+        weights. `ask_kernel` is False if the caller has done step 1 already, without an answer.
         """
         require_policy(on_error)
         # Step 1, with the first kernel, if there are no wrenches.
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
-        asked = not ask_kernel  # then the caller did step 1
+        unanswered = not ask_kernel
         can_answer = on_error == "raise" and _can_answer(shape, vectors, out)
         if kernel is not None and ask_kernel and can_answer:
             answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
             if answer is not None:
                 return answer
-            asked = True
+            unanswered = True
         # Step 2. From here on, a moment on the platform is one of the wrenches on all bodies.
         wrenches = self._arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         state = self._arguments.state(q, **vectors)
         axes = [1 for _ in state]
         axes.append(2)  # of the wrenches
         # Steps 3 and 4. `Kernel.many` of the first kernel takes no moment on the platform, so that
-        # the second kernel gets all loads.
+        # the second kernel gets all loads. A sample that the first one did not answer would fail
+        # the same checks in the second one: loops closed, pivots sound, numbers finite.
         if kernel_exists and wrenches is not None:
             kernel = self.kernel(key._replace(loaded=True))
         return self._each_sample(
@@ -188,7 +190,7 @@ class EnginePaths:
             axes,
             shape,
             kernel,
-            asked=asked,
+            unanswered=unanswered,
             out=out,
             threads=threads,
             on_error=on_error,
@@ -202,7 +204,7 @@ class EnginePaths:
         shape: tuple[int, ...],
         kernel: Kernel | None,
         *,
-        asked: bool,
+        unanswered: bool,
         out: Array | None,
         threads: int,
         on_error: str,
@@ -215,27 +217,29 @@ class EnginePaths:
             axes: Number of axes of one sample, for each of `samples`.
             shape: Shape of the result of one sample.
             kernel: The kernel, None if there is none.
-            asked: Whether step 1 was done, without an answer.
+            unanswered: Whether step 1 was done, and gave no answer.
             out: Array for the results, or None.
             threads: Number of threads of `Kernel.many`.
             on_error: "raise" or "nan", for samples that fail.
         """
         threads = whole_number("threads", threads, 1)
-        single = all(
+        is_single = all(
             array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
         )
-        # Step 3 is skipped for a single sample that got no answer: it would fail the same checks in
-        # `Kernel.many`. But if `out` shares memory with an argument, `Kernel.answer` has refused it
-        # without a check, and `Kernel.many`, which gets an array of its own, may succeed.
-        if single and asked and not _shares_memory(out, samples):
+        # A single sample that got no answer would fail the same checks in `Kernel.many`, so that
+        # step 3 is skipped. There is one exception: `Kernel.answer` gives no answer if `out` shares
+        # memory with an argument, without a look at the sample. `Kernel.many` may compute this
+        # sample, because `for_each_sample` gives it another array, and copies the result to `out`.
+        if is_single and unanswered and not _shares_memory(out, samples):
             kernel = None
-        if single and kernel is None and out is None and on_error == "raise":
+        if is_single and kernel is None and out is None and on_error == "raise":
             return of_sample(*samples)
         hint = ""
         if self._make_kernels is None:
             hint = f"computing on the slow reference path; {FASTER}"
         fill = None
         if kernel is not None:
+            # A Python integer may be too large for the integer in C that a kernel takes.
             fill = partial(_fill, kernel, min(threads, sys.maxsize))
         return for_each_sample(
             of_sample, samples, axes, shape, on_error=on_error, out=out, fast=fill, hint=hint

@@ -14,7 +14,7 @@ import sst_pin
 from sst_pin import control, design, identification, robots
 from sst_pin.arrays import Array
 from sst_pin.dynamics.quantities import QUANTITIES
-from sst_pin.engine import Engine
+from sst_pin.engine import Engine, _key
 
 
 class FailingKernel:
@@ -111,6 +111,12 @@ def test_out_of_reactions_has_the_wrenches() -> None:
     assert np.shares_memory(w.joints, out)
     assert np.array_equal(out, np.concatenate([w.joints, w.closures], axis=1), equal_nan=True)
     assert np.isnan(out).any()
+
+
+def test_keys_of_many_widths_do_not_fill_the_memory():
+    for width in np.linspace(1e-3, 1e-2, 3000):
+        _key("torque_derivatives", sign_width=float(width))
+    assert _key.cache_info().currsize < 2000
 
 
 def _functions_of_robots():
