@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
+from ..arrays import Array, finite_array, flattened, in_one_turn, of_samples, single_array
 from ..closed_chain import ClosedChain
 from ..description.folder import URDF_PATH, YAML_PATH
 from ..description.frames import MOTOR_NAMES
@@ -240,6 +240,8 @@ class SST(ClosedChain):
     ) -> tuple[Array, Array, Array]:
         """Inverse kinematics of a motion: q, va, aa of shapes (..., 9), (..., 3), (..., 3).
 
+        The leading axes of the arguments broadcast.
+
         Args:
             R: {E} in the base, shape (..., 3, 3).
             omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
@@ -252,10 +254,14 @@ class SST(ClosedChain):
             ((100, 9), (100, 3), (100, 3))
         """
         engine = self._engine  # the same one throughout, also if another thread refreshes
-        legs, q = _inverse_pose(engine, "R", R, branch)
-        shape = (*q.shape[:-1], 3)
-        omega = np.broadcast_to(finite_array("omega", omega, (3,)), shape)
-        alpha = np.broadcast_to(finite_array("alpha", alpha, (3,)), shape)
+        R = finite_array("R", R, (3, 3))
+        omega = finite_array("omega", omega, (3,))
+        alpha = finite_array("alpha", alpha, (3,))
+        signs = finite_array("branch", branch, (3,))
+        batch, _ = flattened([R, omega, alpha, signs], core_axes=[2, 1, 1, 1])
+        legs, q = _inverse_pose(engine, "R", np.broadcast_to(R, (*batch, 3, 3)), branch)
+        omega = np.broadcast_to(omega, (*batch, 3))
+        alpha = np.broadcast_to(alpha, (*batch, 3))
         q_dot = kinematics.joint_rates(legs, omega)
         q_ddot = kinematics.joint_accelerations(_geometry_of_engine(engine), legs, q_dot, alpha)
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large

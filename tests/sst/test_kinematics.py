@@ -78,6 +78,21 @@ def test_platform_velocity_inverts_joint_motion(odd):
     assert np.abs(odd.platform_velocity(q, va) - omega).max() < 1e-11
 
 
+def test_a_batch_of_velocities_at_one_orientation_is_a_batch_of_motions(odd):
+    R, omega, alpha = random_states(odd, np.random.default_rng(3), 4)
+    everywhere = np.broadcast_to(R[0], R.shape)
+    for arguments in ((R[0], omega, alpha), (R[0], omega, alpha[0]), (R[0], omega[0], alpha)):
+        whole = [
+            np.broadcast_to(x, y.shape) for x, y in zip(arguments[1:], (omega, alpha), strict=True)
+        ]
+        motion = odd.joint_motion(*arguments)
+        expected = odd.joint_motion(everywhere, *whole)
+        for x, y in zip(motion, expected, strict=True):
+            assert np.array_equal(x, y)
+    with pytest.raises(sst_pin.InputError, match="do not broadcast"):
+        odd.joint_motion(R, omega[:3], alpha)
+
+
 def test_direct_kinematics_finds_the_known_assemblies_of_the_paper(robot):
     """Eight at (pi/4, pi/4, pi/4), s = (1, 1, 1)/sqrt(3) among them; four at (0.3, 1.2, 0.8)."""
     eight = robot.forward_kinematics([np.pi / 4] * 3)
