@@ -199,7 +199,7 @@ def test_limits_that_nothing_keeps_are_refused():
     with pytest.raises(InputError, match="no motion about it stays within the limits"):
         excitation(CHAIN, BASE, 3.0, tries=1, torques=1e-6, harmonics=2)
     for wrong in ({"rates": 0.0}, {"rates": [1, 2, 3]}, {"harmonics": 1}, {"tries": 0}):
-        with pytest.raises(InputError):
+        with pytest.raises(InputError, match=f"{next(iter(wrong))}: "):
             excitation(CHAIN, BASE, 3.0, **wrong)
 
 

@@ -86,7 +86,7 @@ def test_several_starts_close_what_one_start_does_not():
     assert np.array_equal(closed[0], chain.assemble(guess, (), tries=20, seed=3))
     assert np.abs(chain.residual(closed[0])).max() < 1e-9
     for tries in (0, -1, 1.5, None, "3"):
-        with pytest.raises(InputError):
+        with pytest.raises(InputError, match="tries: "):
             chain.assemble(guess, (), tries=tries)
 
 
@@ -121,7 +121,7 @@ def test_verdicts_do_not_depend_on_the_unit_of_length(name, factor):
         va = np.zeros(one.degrees_of_freedom)
         for chain, configuration in ((one, off), (other, off * units)):
             if is_open:
-                with pytest.raises(ClosureError):
+                with pytest.raises(ClosureError, match="the loops are open"):
                     chain.joint_rates(configuration, va)
             else:
                 chain.joint_rates(configuration, va)

@@ -71,7 +71,7 @@ def test_a_position_out_of_reach_is_named_in_metres():
 
 def test_arguments_are_checked():
     robot = sst_pin.robots.five_bar()
-    with pytest.raises(sst_pin.ClosureError):
+    with pytest.raises(sst_pin.ClosureError, match="the loops are open"):
         robot.frame_placement(robot.home + 0.1, "platform")
     with pytest.raises(sst_pin.InputError, match="position, a rotation"):
         robot.frame_configuration("platform", None)

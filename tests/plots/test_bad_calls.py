@@ -47,5 +47,5 @@ DRAWN = {
 )
 def test_what_is_not_of_the_kind_that_is_drawn_is_refused(name, value):
     ax = Figure().add_subplot()
-    with pytest.raises(sst_pin.InputError):
+    with pytest.raises(sst_pin.InputError, match=r"^(motion|motions|poses|tolerances|shape): "):
         DRAWN[name](ax, value)
