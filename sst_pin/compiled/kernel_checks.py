@@ -288,8 +288,9 @@ class Checks:
     def unbalanced(self, tau: Sparse) -> list[Any]:
         """More than 1 where the multipliers x do not solve Phi_u^T x = tau_u.
 
-        tau_u are the forces tau along the dependent rates. Only the columns of Phi_u with entries
-        that elimination changes are checked, for the same reason as in `unsolved`.
+        tau_u are the forces tau along the dependent rates. The equations of this system are the
+        columns of Phi_u. Only columns with entries that elimination changes are checked, for the
+        same reason as in `unsolved`.
         """
         x = self._equations.multipliers(tau)
         scale = self._row_scale

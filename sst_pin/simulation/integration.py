@@ -12,9 +12,9 @@ configurations.
 A step is *regular* if all of these conditions hold:
 
 - The joints move continuously along it, without a jump to another assembly mode.
-- The condition number stays below the *limit*. It is that of the columns of Phi of the other
-  joints, those that are no coordinates. `CoordinateChange` sets the limit for each choice of
-  coordinates, and may raise it later.
+- The condition number of the dependent joints, which are all joints but the coordinates, stays
+  below a *limit*. It is that of their columns of Phi. `CoordinateChange` sets the limit for each
+  choice of coordinates, and may raise it later.
 - The loops can be closed at the output times within the step.
 
 Each other step is *irregular*. Its *regular part* is the longest part from its start on for which
@@ -33,8 +33,8 @@ same target. After an irregular step, `_before_irregular` chooses one of two way
 - If a singular configuration is ahead that can be stepped over, the motion begins to approach it.
   It returns to an earlier state, and is integrated from there until the start of the step over this
   configuration.
-- Otherwise the irregular step is *repeated*, with an earlier target, at the end of its regular
-  part. There `_leave_irregular` changes the coordinates, or ends the motion.
+- Otherwise the irregular step is *repeated*, with an earlier target: just before the end of its
+  regular part. There `_leave_irregular` changes the coordinates, or ends the motion.
 """
 
 from __future__ import annotations
