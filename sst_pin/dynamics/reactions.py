@@ -149,13 +149,33 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
     return (*list(mechanism.model.names)[1:], *numbered)
 
 
+class RowParts(NamedTuple):
+    """The parts of a row of `reactions`, in their order in the row."""
+
+    wrenches: Array  #: Of joints and closures, six numbers each, shape (..., 6 (r + closures)).
+    ground: Array  #: Wrench of the ground, shape (..., 6).
+    tau: Array  #: Motor torques, shape (..., motors).
+    codes: Array  #: One for each joint and closure, shape (..., r + closures); see `BITS`.
+
+
+def parts_of(mechanism: Mechanism, rows: Array) -> RowParts:
+    """The parts of rows of `reactions`, shape (..., `size_of`); they are views."""
+    count = _wrench_count(mechanism)
+    return RowParts(*np.split(rows, [6 * count, 6 * count + 6, -count], axis=-1))
+
+
 def size_of(mechanism: Mechanism) -> int:
     """How many numbers `reactions` gives for a sample."""
-    count = mechanism.model.njoints - 1 + len(mechanism.closures)
+    count = _wrench_count(mechanism)
     wrenches = 6 * count
     ground = 6
     codes = count
     return wrenches + ground + mechanism.motor_count + codes
+
+
+def _wrench_count(mechanism: Mechanism) -> int:
+    """Number of joints and closures, r + closures; each has a wrench."""
+    return mechanism.model.njoints - 1 + len(mechanism.closures)
 
 
 class _Wrenches(NamedTuple):
@@ -470,8 +490,7 @@ def unpacked(
     names = names_of(mechanism)
     r = mechanism.model.njoints - 1
     shape = (*rows.shape[:-1], len(names), 6)
-    count = 6 * len(names)
-    wrenches, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
+    wrenches, ground, tau, codes = parts_of(mechanism, rows)
     values = wrenches.reshape(shape)
 
     # In most batches all samples have the same codes, so that one verdict is enough.

@@ -85,7 +85,11 @@ class Reference(threading.local):
 
     @cached_property
     def designs(self) -> dict[str, Any]:
-        """The last `design_derivatives.Design`, by its parameters, for loops over samples."""
+        """A cache of the function `design_derivatives`, which fills and reads it.
+
+        It holds the last `Design` of this thread, by its parameters: a loop over samples asks for
+        the same parameters again. No result depends on it.
+        """
         return {}
 
     @_finite
@@ -104,7 +108,7 @@ class Reference(threading.local):
         weights: Array | None = None,
     ) -> Array:
         """tau, shape (motors,): f if motor k drives coordinate k, else the least torques for f."""
-        f = self.generalized_forces(q, va, aa, external_wrenches)
+        f = self.generalized_forces(q, va, aa, external_wrenches)  # checked: finite
         if self.mechanism.driven_one_to_one:
             return f
         A = self.context.complement.L.T.dot(self.context.actuation(q))  # f = A tau
@@ -112,18 +116,24 @@ class Reference(threading.local):
             tau = least_torques(self.mechanism, A, f, weights)
             # A part of f that no motor supplies must be rounding: tiny beside the forces of the
             # motors, or beside all forces, which may cancel to f. The forces of the motors are
-            # compared first, as they are quicker to compute.
+            # quicker to compute, so they are compared first. In most calls they suffice.
             unsupplied = f - A.dot(tau)
-            sizes = np.abs(A).dot(np.abs(tau))
-            if not (np.abs(unsupplied) <= UNSUPPLIED * sizes).all():
-                sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
+            motor_forces = np.abs(A).dot(np.abs(tau))
+            is_supplied = (np.abs(unsupplied) <= UNSUPPLIED * motor_forces).all()
+            if not is_supplied:  # also if tau is NaN: a comparison with NaN is False
+                sizes = motor_forces + dynamics.force_sizes(
+                    self.context, q, va, aa, external_wrenches
+                )
                 # f is finite, so no argument is at fault, but numbers may be too large together.
                 _require_finite(np.append(tau, sizes), (), ())
                 self._require_supplied(unsupplied, sizes)
         return tau
 
     def _require_supplied(self, unsupplied: Array, sizes: Array) -> None:
-        """Refuse unsupplied forces along the coordinates, beyond the rounding of `sizes`."""
+        """Refuse unsupplied forces along the coordinates that are larger than rounding.
+
+        `sizes` are the sums of the sizes of all forces along the coordinates, shape (n,).
+        """
         missing_at = np.flatnonzero(np.abs(unsupplied) > UNSUPPLIED * sizes)
         if not len(missing_at):
             return
@@ -200,13 +210,16 @@ class Reference(threading.local):
         compliances: Array | None = None,
         axes: Array | None = None,
     ) -> Array:
-        """Wrenches of joints, closures and ground, torques and codes, see `reactions.reactions`."""
+        """Wrenches of joints, closures and ground, torques and codes, see `reactions.reactions`.
+
+        They are in one row, which `reactions.parts_of` splits.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances, axes)
-        n = len(reactions.names_of(self.mechanism))
+        parts = reactions.parts_of(self.mechanism, row)
         names = "q", "va", "aa", "tau", "external_wrenches"
         # Wrenches of joints and closures may be NaN on purpose; ground and torques may not.
-        ground_and_torques = row[6 * n : -n]
+        ground_and_torques = np.append(parts.ground, parts.tau)
         _require_finite(ground_and_torques, names, (q, va, aa, tau, wrenches))
         return row
 
@@ -236,19 +249,22 @@ class Reference(threading.local):
         model = self.mechanism.model
         assembly = self.context.assembly
 
-        # The configuration at the fraction `high` of the step, from q at the fraction `low`.
-        def path(q: Array, low: float, high: float) -> Array:
-            ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
+        def path(q_low: Array, low: float, high: float) -> Array:
+            """The configuration at the fraction `high` of the step, from that at `low`."""
+            part = (high - low) * step
+            ahead = pin.integrate(model, q_low, self.rates(q_low, part))
             return assembly.closed(ahead)
 
         if not step.any():
             return q
+        # `follow` divides the step into parts that stay in the assembly mode. It returns the
+        # fraction of the step that it can reach, and the configuration there.
         reached, configuration = self.context.continuity.follow(q, path, MAX_CONDITION_NUMBER)
         if reached < 1:
             problem = (
                 "the loops cannot be closed further along the motion: out of reach, or singular"
             )
-            raise ClosureError(problem, 0.0)
+            raise ClosureError(problem, residual=0.0)  # at `configuration` the loops are closed
         return configuration
 
     def L(self, q: Array) -> Array:
@@ -279,6 +295,8 @@ class Reference(threading.local):
         v = L.dot(va)
         Phi_dot = loops.Phi_dot(v)
         L_dot = complement.L_dot(Phi_dot)
+        # At some poses of a robot with redundant rows, it can have rates but no accelerations, and
+        # L_dot has no meaning. So v_dot = L_dot va, for aa = 0, must satisfy Eq. (8).
         complement.require_accelerations(v, L_dot.dot(va), Phi_dot.dot(v))
         return loops.frame_jacobian_rate(frame, v).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
 
@@ -293,9 +311,10 @@ class Reference(threading.local):
         context = self.context
         tree = context.tree
         v, v_dot = context.complement.motion(q, va, context.zero_aa)
-        pin.forwardKinematics(
-            tree.model, context.data, context.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
-        )
+        # Pinocchio computes on the normal tree. Its configuration is `loops.q`, which `motion` has
+        # set, and its rates are S v.
+        q_of_tree = context.loops.q
+        pin.forwardKinematics(tree.model, context.data, q_of_tree, tree.S.dot(v), tree.S.dot(v_dot))
         acceleration = pin.getFrameClassicalAcceleration(
             tree.model, context.data, frame, pin.LOCAL_WORLD_ALIGNED
         )
@@ -336,11 +355,14 @@ class Reference(threading.local):
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
         energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
         # This counts the whole weight of each body. On some bodies a part of the weight does not
-        # act. The energy of this part is subtracted: minus its first moment about the origin times
-        # the gravity g.
-        for body, (mass, *moment) in self.mechanism.weightless_parts.items():
-            placement = context.data.oMi[context.tree.bodies[body + 1]]
-            at_origin = mass * placement.translation + placement.rotation @ moment
-            energy += at_origin.dot(model.gravity.linear)
+        # act. `weightless_parts` has the mass and the first moment of this part, in the axes of the
+        # body. Its energy is subtracted: minus its first moment about the origin of the base, times
+        # gravity. Bodies count from 0, their joints from 1, because joint 0 is the base.
+        for body, (mass, *first_moment) in self.mechanism.weightless_parts.items():
+            joint = body + 1
+            placement = context.data.oMi[context.tree.bodies[joint]]
+            about_origin = mass * placement.translation + placement.rotation @ first_moment
+            energy_of_part = -about_origin.dot(model.gravity.linear)
+            energy -= energy_of_part
         energy += 0 if springs.none else springs.energy(model, q)
         return np.asarray(energy + self.mechanism.lines.energy(context.lines.lengths(q)))
