@@ -15,8 +15,9 @@ either samples, or *directions* of one sample, which are columns of a matrix suc
 in two *variants*, one for single samples and one for batches; both may be the same.
 
 `CompiledBackend.kernel` makes a kernel: `_codes_of` finds its code, `_variants` decides how to
-compile it, `_load` takes the library from the cache or compiles it, and `_sources_of` generates the
-C.
+compile it, `_load_both` and `_load` take the libraries from the cache on disk or compile them, and
+`_sources_of` generates the C. `CompiledBackend.make` only fills this cache, for several kernels at
+the same time.
 """
 
 import threading
@@ -168,26 +169,31 @@ class CompiledBackend:
         self._codes: dict[Quantity, KernelCode | None] = {}
         #: Equations by the arguments `loaded`, `smooth` and `welded` of `Equations`.
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
-        #: The C of kernels of which only one of the two variants is compiled.
+        #: C by the keys of variants, stored only while libraries are made: the two variants of a
+        #: kernel may have the same key, and then their libraries are compiled from the same C.
         self._sources: dict[Quantity, list[str]] = {}
-        #: Why there is no kernel of a quantity.
-        self._why: dict[Quantity, str] = {}
+        #: Why there is no kernel, by the name of what the reference path computes instead.
+        self._why: dict[str, str] = {}
         #: Nonsmooth steps by the arguments `loaded` and `many` of `nonsmooth`.
         self._nonsmooth: dict[tuple[bool, bool], NonsmoothCode | None] = {}
         #: Held while C is generated: CasADi is not safe for several threads.
         self._lock = threading.RLock()
-        #: Whether `make` failed: its other threads then generate no more C.
+        #: Whether `make` failed: its other threads then generate no more C. Such a backend is not
+        #: used any more, because `make` raises the error to `compiled_engine`.
         self._stopped = False
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
         parts = [f"compiled kernels: {target}, {TARGETS[target].lanes} samples at once"]
-        for key, why in self._why.items():
-            parts.append(f"{key} by the reference path: {' '.join(why.split())}")  # in one line
+        for name, why in self._why.items():
+            parts.append(f"{name} by the reference path: {' '.join(why.split())}")  # in one line
         return "; ".join(parts)
 
     def make(self, keys: Sequence[Quantity] = FIRST) -> None:
-        """Load the code of kernels from the cache, or compile it, in several threads."""
+        """Fill the cache on disk with the libraries of kernels, in several threads.
+
+        The method makes no kernel: at the first use of each, `kernel` finds its library there.
+        """
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
         variants: dict[Variant, None] = {}  # a set that keeps the order
@@ -196,7 +202,9 @@ class CompiledBackend:
                 variants |= dict.fromkeys(self._variants(key))
 
         def load(variant: Variant) -> None:
-            with suppress(ActuationError):  # too few motors: `_codes_of` will say so
+            # The equations raise this error if the motors do not act on all coordinates, which
+            # their number does not show. At the first use, `_codes_of` stores it in `_why`.
+            with suppress(ActuationError):
                 self._load(variant)
 
         with ThreadPoolExecutor() as pool:
@@ -206,6 +214,7 @@ class CompiledBackend:
             except BaseException:  # Ctrl-C too: the other threads make no more
                 self._stopped = True
                 raise
+        self._sources.clear()
 
     def kernel(self, key: Quantity) -> kernel_protocols.Kernel | None:
         """The kernel of a quantity, as `Kernels.kernel`."""
@@ -231,7 +240,8 @@ class CompiledBackend:
         """The closed configuration near q with the coordinates fixed; None if it is not near.
 
         Newton steps that start short and shrink fast lead to the same solution as the reference
-        path.
+        path. A step is refused if it is longer than `LARGEST_RATIO`, a tenth, of the step before,
+        so the loop ends soon.
         """
         mechanism = self._mechanism
         kernel = self.kernel(Quantity("closing"))
@@ -245,17 +255,19 @@ class CompiledBackend:
         # q after a step, then two numbers that are not needed here.
         result = np.full((1, len(q) + 2), np.nan)
         while True:
-            failures = kernel.many((q[None],), result)  # of checks at q before the step
-            after_step = result[0, :-2]
-            step = pin.difference(mechanism.model, q, after_step) / mechanism.rate_scale
+            # The kernel checks q before the step: are the loops closed, and is q regular?
+            samples_that_fail = kernel.many((q[None],), result)
+            q_after_step = result[0, :-2]
+            step = pin.difference(mechanism.model, q, q_after_step) / mechanism.rate_scale
             length = float(np.abs(step).max(initial=0.0))
             if not length <= longest:  # NaN too
                 return None
             if length >= _ROUNDING:  # a closed configuration stays as it is
-                q = after_step.copy()
+                q = q_after_step.copy()
                 longest = LARGEST_RATIO * length
             if length < _LONGEST_LAST_STEP:
-                return None if len(failures) else q
+                # The step was so short that the checks before it hold after it too.
+                return None if len(samples_that_fail) else q
 
     def state_space(self, friction: Friction) -> CompiledStateSpace:
         """The state space with this friction instead of the mechanism's."""
@@ -273,7 +285,8 @@ class CompiledBackend:
         """Compiled steps with stops, friction and contacts; None if they cannot be compiled.
 
         Args:
-            rows: The rows of a step.
+            rows: The rows of a step. All but their gains follows from the mechanism, and gains are
+                arguments of the code, so the code of the first call serves all calls.
             loaded: Whether external wrenches act.
             many: Whether the code computes several motions at once, in the lanes of a register.
         """
@@ -291,7 +304,7 @@ class CompiledBackend:
                 )
             except SSTError as error:
                 self._nonsmooth[loaded, many] = None
-                self._why[Quantity("rollout", loaded=loaded)] = str(error)
+                self._why[_nonsmooth_name(loaded)] = str(error)
         return self._nonsmooth[loaded, many]
 
     def _nonsmooth_code(self, rows: NonsmoothRows, loaded: bool, target: str) -> Code:
@@ -308,7 +321,7 @@ class CompiledBackend:
                 lanes = TARGETS[target].lanes
                 return nonsmooth_c.library("nonsmooth", self._equations_of(key), rows, lanes)
 
-        name = f"nonsmooth{'_loaded' if loaded else ''}"
+        name = _nonsmooth_name(loaded)
         return Code(libraries.load(self._robot, name, content, target, source), "nonsmooth")
 
     # --- inside -----------------------------------------------------------------------------
@@ -348,6 +361,12 @@ class CompiledBackend:
             parameters = self._all_parameters
         numbers = parameters.pack(self._mechanism, friction)
         sizes = code.single.sizes(function)
+        # A kernel without external wrenches passes a call with a platform moment on to the kernel
+        # with wrenches, which is made at the first such call. Kernels of `_rate` are never called
+        # with a platform moment: states have wrenches on all bodies only.
+        make_loaded = None
+        if function == "run" and not key.loaded:
+            make_loaded = partial(self._new_kernel, key._replace(loaded=True))
         return self._binding.Kernel(
             single=code.single.address(function),
             batch=code.batch.address(function),
@@ -356,8 +375,7 @@ class CompiledBackend:
             parameters=code.single.prepared(numbers),
             batch_parameters=code.batch.prepared(numbers),
             library=code,  # keeps the code in memory
-            # Makes the kernel that this one asks if a call has external wrenches.
-            loaded=None if key.loaded else partial(self._new_kernel, key._replace(loaded=True)),
+            loaded=make_loaded,
             moment=self._moment,
         )
 
@@ -385,18 +403,11 @@ class CompiledBackend:
         """The code of a kernel; None if it is impossible, and `_why` says why."""
         key = self._shared_key(key)
         if key not in self._codes:
-            from concurrent.futures import ThreadPoolExecutor  # slow to import
-
             try:
-                variants = self._variants(key)
-                different = list(dict.fromkeys(variants))
-                with ThreadPoolExecutor() as pool:
-                    codes = list(pool.map(self._load, different))
-                # One code is for both, two are in the order of `Variants`.
-                self._codes[key] = KernelCode(single=codes[0], batch=codes[-1])
+                self._codes[key] = self._load_both(self._variants(key))
             except SSTError as error:
                 self._codes[key] = None
-                self._why[key] = str(error)
+                self._why[str(key)] = str(error)
         return self._codes[key]
 
     def _shared_key(self, key: Quantity) -> Quantity:
@@ -418,11 +429,26 @@ class CompiledBackend:
         by_directions = Variant(key._replace(along=True), target)
         if is_large(self._mechanism, key.name):
             return Variants(single=by_directions, batch=by_directions)
-        # Lanes with samples: a single sample is computed without vectors.
+        # Lanes with samples: a single sample is computed without vectors. Derivatives of the
+        # dynamics (`smooth`) are the exception. Of the other quantities that can be computed by
+        # directions, such as the regressor, the whole matrix is computed, unless it is large.
         by_samples = Variant(key, best)
         if key.properties.smooth and 1 < n <= _MOST_REGISTERS * TARGETS[best].lanes:
             return Variants(single=by_directions, batch=by_samples)
         return Variants(single=Variant(key, SINGLE[best]), batch=by_samples)
+
+    def _load_both(self, variants: Variants) -> KernelCode:
+        """The code of both variants, loaded at the same time; the same variant is loaded once."""
+        from concurrent.futures import ThreadPoolExecutor  # slow to import
+
+        different = list(dict.fromkeys(variants))
+        try:
+            with ThreadPoolExecutor() as pool:
+                codes = dict(zip(different, pool.map(self._load, different), strict=True))
+        finally:
+            for variant in different:
+                self._sources.pop(variant.key, None)
+        return KernelCode(single=codes[variants.single], batch=codes[variants.batch])
 
     def _load(self, variant: Variant) -> Code:
         """The code of a variant from the cache, or compiled now."""
@@ -439,7 +465,10 @@ class CompiledBackend:
         return Code(library, key.entry)
 
     def _sources_of(self, key: Quantity) -> list[str]:
-        """The C of a kernel, which is the same for single samples and for batches."""
+        """The C of a kernel with the key of a variant: whole, or by directions if `along` is set.
+
+        Two variants with the same key share it: the first one generates it.
+        """
         try:
             from . import c_code, kernels
         except ImportError:
@@ -447,8 +476,7 @@ class CompiledBackend:
         with self._lock:
             if self._stopped:
                 raise CompilationError("given up")
-            # The first of the two variants generates the C, and the second one takes it.
-            sources = self._sources.pop(key, None)
+            sources = self._sources.get(key)
             if sources is None:
                 sources = c_code.library(key.entry, kernels.entry(self._equations_of(key), key))
                 self._sources[key] = sources
@@ -463,7 +491,9 @@ class CompiledBackend:
             mechanism = with_springs(self._mechanism)
             return Equations(mechanism, samples, parameters=self._all_parameters)
         smooth = key.properties.smooth
-        welded = key.name != "reactions"  # wrenches between welded bodies need each body by itself
+        # Bodies that are welded together are computed as one, unless the wrenches between them are
+        # wanted.
+        welded = key.name != "reactions"
         kind = key.loaded, smooth, welded
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
@@ -471,6 +501,11 @@ class CompiledBackend:
                 self._mechanism, samples, loaded=key.loaded, smooth=smooth, welded=welded
             )
         return self._equations[kind]
+
+
+def _nonsmooth_name(loaded: bool) -> str:
+    """Name of the code of nonsmooth steps, with or without external wrenches."""
+    return "nonsmooth_loaded" if loaded else "nonsmooth"
 
 
 def _closed(reference: Reference, q: Array | None) -> bool:

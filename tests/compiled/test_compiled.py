@@ -236,3 +236,30 @@ def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
         chain.compile()
         assert target in chain.backend
         assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-10)
+
+
+def test_no_generated_c_stays_in_memory(monkeypatch):
+    """For single samples the derivatives are by directions: their C is that of no other variant."""
+
+    def load(robot, name, content, target, sources, options):
+        return sources()
+
+    monkeypatch.setattr(compiled_backend.libraries, "load", load)
+    key = Quantity("torque_derivatives")
+    five_bar = sst_pin.robots.five_bar()
+    kernels = compiled_backend.CompiledBackend(five_bar.engine.reference)
+    kernels.make([key])
+    assert not kernels._sources
+    assert kernels._codes_of(key) is not None
+    assert not kernels._sources
+
+
+def test_a_failure_of_nonsmooth_code_says_nothing_about_the_ordinary_rollout(monkeypatch):
+    def fail(*arguments):
+        raise CompilationError("no compiler")
+
+    monkeypatch.setattr(compiled_backend.CompiledBackend, "_nonsmooth_code", fail)
+    kernels = compiled_backend.CompiledBackend(sst_pin.robots.five_bar().engine.reference)
+    assert kernels.nonsmooth(None, loaded=False, many=True) is None
+    assert "; nonsmooth by the reference path: no compiler" in str(kernels)
+    assert "rollout" not in str(kernels)
