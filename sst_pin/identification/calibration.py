@@ -40,10 +40,12 @@ from .geometry_measurements import Measurement, Poses, frames_of
 from .measuring_systems import with_systems
 from .urdf_origins import with_origins
 
-#: Each error has a column of derivatives of the measured values. The error is hidden if its column
-#: is a combination of the columns before it, up to a remainder that is shorter than the column by
-#: this factor. The first of these tolerances with which Newton's method converges is used. The
-#: derivatives are rounded to less than 1e-6. A remainder below 1e-3 says too little of an error.
+#: Tolerances of linear dependence. Each error has a column of derivatives of the measured values,
+#: which is projected on the columns before it. If the remainder is shorter than the tolerance times
+#: the column, the error is hidden. The tolerances are tried in this order, until Newton's method
+#: converges. The first one is above the rounding of the derivatives. With each larger one, fewer
+#: errors are left to estimate. The last one is the largest because with 1e-2 errors would be hidden
+#: that the measurements do show.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 
 
@@ -111,14 +113,15 @@ class Calibration(Summary):
             warn_caller(_lengths_in_yaml(mechanism.closures, rods), DescriptionWarning)
         changes = dict[str, pin.SE3]()
         for place, displacement in geometry.displacements(mechanism, errors_of_robot).items():
-            # The calibrated placement is P D, with the drawn placement P, which the URDF has, and
-            # D = relative(P, displacement). The rotation of D does not depend on P, so it follows
-            # with the identity in place of P. Then R_PD gives the rotation of P. The translation
-            # of D depends on this rotation, but not on the translation of P.
-            R_of_D = geometry.relative(pin.SE3.Identity(), displacement).rotation
-            R_of_PD = geometry.place_of(mechanism.model, place)[1].rotation
-            drawn_orientation = pin.SE3(R_of_PD @ R_of_D.T, np.zeros(3))
-            changes[place] = geometry.relative(drawn_orientation, displacement)
+            # The URDF has the drawn placement P, the mechanism the calibrated placement P D. With
+            # the displacement (t, angles), t in the axes of the body that carries the place,
+            # D = relative(P, displacement) has the rotation R_D of the angles alone, and the
+            # translation R_P^T t. So R_P is needed: R_PD = R_P R_D gives R_P = R_PD R_D^T.
+            R_D = geometry.relative(pin.SE3.Identity(), displacement).rotation
+            _, PD = geometry.place_of(mechanism.model, place)
+            R_P = PD.rotation @ R_D.T
+            P = pin.SE3(R_P, np.zeros(3))  # D does not depend on the translation of P
+            changes[place] = geometry.relative(P, displacement)
         return with_origins(urdf, mechanism.model, changes, folder)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
@@ -220,44 +223,46 @@ def calibrate_with(
         0
     """
     require_robot("chain", chain)
-    systems = list(in_order("measurements", measurements, "measurements"))
-    if not systems or not all(isinstance(each, Measurement) for each in systems):
+    measurements = list(in_order("measurements", measurements, "measurements"))
+    if not measurements or not all(isinstance(each, Measurement) for each in measurements):
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")
-    counts = [measurement.count(len(chain.coordinates)) for measurement in systems]
+    counts = [measurement.count(len(chain.coordinates)) for measurement in measurements]
 
-    # The measured configurations of the robot as drawn. Then this robot gets a frame for each
-    # unknown base and target of a measuring system.
-    q_of_systems = []
-    for measurement in systems:
+    # The measured configurations of the robot as drawn.
+    q_of_measurements = []
+    for measurement in measurements:
         x = np.asarray(measurement.x, dtype=float)
-        q_of_systems.append(_configurations(chain, x, measurement.start))
-    drawn = with_systems(chain, systems, q_of_systems)
-    frames_of_systems = list(drawn.carriers)
-    q = np.concatenate(q_of_systems)
+        q_of_measurements.append(_configurations(chain, x, measurement.start))
+    q = np.concatenate(q_of_measurements)
 
-    # The same robot with a joint for each error. Errors of measuring systems come first.
-    errors_of_systems = error_names(frames_of_systems)
+    # The robot as drawn, with a frame for each unknown base and target of a measuring system.
+    with_frames = with_systems(chain, measurements, q_of_measurements)
+    unknown_frames = list(with_frames.carriers)
+
+    # The same robot with a joint for each error. Errors of the unknown frames come first.
+    compared_frames = list(frames_of(measurements))  # known and unknown ones
+    errors_of_systems = error_names(unknown_frames)
     errors_of_robot = considered_errors(
-        drawn.chain, list(frames_of(systems)), which, urdf, frames_of_systems
+        with_frames.chain, compared_frames, which, urdf, unknown_frames
     )
-    enlarged = _enlarged(drawn.chain, [*errors_of_systems, *errors_of_robot], q, which)
+    enlarged = _enlarged(with_frames.chain, [*errors_of_systems, *errors_of_robot], q, which)
 
     # The errors that the measurements show, and their values.
-    fit = ErrorFit(enlarged, systems, counts)
+    fit = ErrorFit(enlarged, measurements, counts)
     visible, estimate = _visible_errors(fit, enlarged.without_errors(q))
 
-    # The robot with these errors.
+    # The result: the robot with these errors, without the frames of measuring systems.
     names = [enlarged.errors[k] for k in visible]
     values = dict(zip(names, estimate.values.tolist(), strict=True))
-    displacements = geometry.displacements(drawn.chain.mechanism, values)
+    displacements = geometry.displacements(with_frames.chain.mechanism, values)
     return Calibration(
         names=tuple(names),
         values=estimate.values,
         covariance=estimate.root @ estimate.root.T,
         noise=estimate.noise,
         hidden=tuple(name for name in enlarged.errors if name not in values),
-        chain=_calibrated(chain, displacements, values, frames_of_systems),
-        placements=drawn.placements(displacements),
+        chain=_calibrated(chain, displacements, values, unknown_frames),
+        placements=with_frames.placements(displacements),
     )
 
 
@@ -265,12 +270,15 @@ def _calibrated(
     chain: ClosedChain,
     displacements: geometry.Displacements,
     values: Mapping[str, float],
-    frames_of_systems: Container[str],
+    unknown_frames: Container[str],
 ) -> ClosedChain:
-    """The robot with displaced places and changed lengths of rods, without measuring systems."""
+    """The robot with displaced places and changed lengths of rods.
+
+    `unknown_frames` belong to measuring systems: they are not in `chain`, and are left out.
+    """
     displacements_of_robot = {}
     for place, displacement in displacements.items():
-        if place not in frames_of_systems:
+        if place not in unknown_frames:
             displacements_of_robot[place] = displacement
     model = geometry.displaced(chain.mechanism.model, displacements_of_robot)
     calibrated = chain.with_model(model)
@@ -298,20 +306,20 @@ def _configurations(chain: ClosedChain, x: Array, start: ArrayLike | None) -> Ar
 
 
 def _enlarged(
-    drawn: ClosedChain, errors: Sequence[str], q: Array, which: Sequence[str] | None
+    chain: ClosedChain, errors: Sequence[str], q: Array, which: Sequence[str] | None
 ) -> EnlargedRobot:
     """The robot with a joint for each error that does not open the loops alone.
 
     If the caller names errors by `which`, one that opens the loops is refused.
     """
-    enlarged = EnlargedRobot(drawn, errors)
+    enlarged = EnlargedRobot(chain, errors)
     opening = enlarged.opening_errors(enlarged.without_errors(q))
     if not opening:
         return enlarged
     if which is not None:
         problem = f"{listed(opening)}: each alone opens loops that no joint closes"
         raise InputError("which", f"{problem}, as the robot is overconstrained")
-    return EnlargedRobot(drawn, [name for name in errors if name not in opening])
+    return EnlargedRobot(chain, [name for name in errors if name not in opening])
 
 
 def _visible_errors(fit: ErrorFit, q: Array) -> tuple[Indices, ErrorEstimate]:
@@ -342,7 +350,11 @@ def _visible_errors(fit: ErrorFit, q: Array) -> tuple[Indices, ErrorEstimate]:
 
 
 def _require_enough(equations: Sequence[KindEquations], errors: int) -> None:
-    """Refuse fewer equations than unknowns: the errors, and one noise if any is estimated."""
+    """Refuse too few equations: at least one for each error, and one more to estimate a noise.
+
+    With several unknown noises this is a lower bound. `ErrorFit.estimate` checks for each kind of
+    values whether they suffice to estimate its noise.
+    """
     count = sum(len(kind.z) for kind in equations)
     needed = errors
     if any(kind.stated_noise is None for kind in equations):

@@ -13,7 +13,7 @@ A measuring system whose base is at an unknown place needs a first guess of this
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
@@ -407,7 +407,7 @@ def _values(name: str, values: ArrayLike, size: int) -> Array:
     return array
 
 
-def frames_of(measurements: list[Measurement]) -> Iterator[str]:
+def frames_of(measurements: Iterable[Measurement]) -> Iterator[str]:
     """Names of the frames that measurements compare."""
     for measurement in measurements:
         yield measurement.reference
