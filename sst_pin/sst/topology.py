@@ -16,7 +16,8 @@ from ..model.mechanism import Friction
 from ..model.tree import frame_named
 from .kinematics import Geometry
 
-#: Pairs of frames that the closures of the shipped description connect.
+#: Pairs of frames that the closures of the shipped description connect. `SST` compares the closures
+#: of a file with them.
 CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
 #: Frames of the closures, and the number of the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
@@ -102,7 +103,8 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
     if problems:
         raise DescriptionError(f"model {model.name} cannot be described by Parameters", problems)
     bodies = [_body(inertia) for inertia in list(model.inertias)[1:]]
-    # The star is the sum of its three arcs, in {E}.
+    # The star is the sum of its three arcs, in {E}. The tree has the inertia of arc k in {3k}. R_E
+    # is the orientation of {E} in {3k}, so R_E^T turns the inertia into {E}.
     arcs = [
         pin.SE3(R_E.T, np.zeros(3)).act(model.inertias[model.getJointId(f"beta_{k}")])
         for k, R_E in enumerate(geometry.R_E, start=1)
@@ -143,7 +145,10 @@ def _body(inertia: pin.Inertia) -> RigidBody:
 def _rounded(value: ArrayLike) -> Array:
     """Round to 16 digits of the largest entry, the precision of sums and angles."""
     value = np.asarray(value, dtype=float)
-    digits = 16 - int(np.ceil(np.log10(max(np.abs(value).max(), 1e-300))))
+    largest = float(np.abs(value).max())
+    if largest < 1e-290:  # zero, or so small that NumPy's factor 10^digits would overflow
+        return value
+    digits = 16 - int(np.ceil(np.log10(largest)))
     return value.round(digits)
 
 

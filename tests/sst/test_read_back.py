@@ -79,6 +79,13 @@ def edited(tmp_path, *replacements, after="<", count=-1):
     return sst_pin.SST.from_urdf(tmp_path / "edited.urdf")
 
 
+def test_a_mass_centre_in_the_origin_is_read_back():
+    link = sst_pin.sst.RigidBody(2.0, (0, 0, 0), np.diag([0.01, 0.02, 0.02]))
+    result = sst_pin.SST(sst_pin.Parameters(link=link)).parameters.link
+    assert np.array_equal(result.center_of_mass, np.zeros(3))
+    assert result.inertia == pytest.approx(link.inertia, rel=0, abs=2e-15)
+
+
 def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
     """A heavier star_2 is a heavier star: other parameters, the same closed robot."""
     heavy = ('"0.8666666666666667"', '"1.5"'), ('iyz="0.01', 'iyz="0.02')
