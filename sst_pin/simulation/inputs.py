@@ -60,7 +60,8 @@ class Input(ABC):
     """A torque or load that acts on a robot in motion.
 
     Attributes:
-        sampling: The calls of a `SampledTorque`; None for other inputs.
+        sampling: Calls the function of a `SampledTorque` when a period begins, and has the torques
+            that act; None for other inputs. The integration stops at its changes.
         times: Times, shape (N,), [s], or None. A step of the integrator that passes two of them may
             miss a change of the input.
         is_function: Whether it is a function of the user, which can change at any time.
@@ -189,8 +190,12 @@ class SampledInput(Input):
 def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, by_spacing: bool) -> Input:
     """The motor torques of a simulation with these output times.
 
-    `by_spacing` is for torques that are a function: whether the steps of the integrator are as
-    short as the spacing of `times`, so that no step passes two of them.
+    Args:
+        mechanism: The mechanism.
+        torque: The torques, in one of the forms of `Torque`.
+        times: The output times, shape (N,), [s].
+        by_spacing: Whether a torque that is a function limits the steps of the integrator to the
+            spacing of `times`. Torques of other forms have times of their own.
     """
     motors = len(mechanism.motor_names)
     if isinstance(torque, Trajectory):
@@ -198,8 +203,10 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, by_spaci
     if isinstance(torque, SampledTorque):
         require_distinct(torque.period, times)
         return SampledInput(Sampling(torque, float(times[0]), motors))
+    # In place of a controller, its method `torque`; any other torque as it is.
     function_or_values: Any = torque_function(torque)
-    # The object of a bound method, such as `controller.torque`.
+    # A user can also give the method, `controller.torque`. In Python, `__self__` of a method is its
+    # object; functions and arrays have none.
     controller = getattr(function_or_values, "__self__", None)
     if getattr(controller, "sampled_only", False):
         problem = f"{type(controller).__name__} depends on the calls before, so it is sampled only"
@@ -266,6 +273,8 @@ def _load_function(
         wrenches: Wrenches | None
         if callable(external_wrenches):
             wrenches = external_wrenches(t, q, va)
+            if wrenches is None:
+                raise InputError("external_wrenches(t, q, va)", "None: wrenches are needed")
         else:
             wrenches = external_wrenches
         if moment is None and not isinstance(wrenches, Mapping):

@@ -73,6 +73,20 @@ def test_torques_that_a_function_returns_are_checked(value):
         CHAIN.simulate(lambda t, q, va: value, CHAIN.home, [0.0], T / 500)
 
 
+@pytest.mark.parametrize("moment", [None, [0, 0, 0.1]])
+def test_a_load_function_that_returns_none_is_refused(moment):
+    robot = sst_pin.SST()
+    with pytest.raises(SSTError, match="external_wrenches"):
+        robot.simulate(
+            np.zeros(3),
+            robot.home,
+            np.zeros(3),
+            [0, 1e-3],
+            platform_moment=moment,
+            external_wrenches=lambda t, q, va: None,
+        )
+
+
 @pytest.mark.parametrize("shape", [(10**12, 1), (10**12, 3, 1)])
 def test_motions_that_do_not_fit_into_memory_are_refused(shape):
     with pytest.raises(InputError, match="do not fit into memory"):
