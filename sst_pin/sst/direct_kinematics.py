@@ -16,12 +16,14 @@ Polynomial Algebra, SIAM 2004):
    coefficients are the Macaulay matrix, shape (30, 35). Its null space has dimension eight: the
    values z of the 35 monomials at each of the eight solutions are in it, and span it.
 2. Let the columns of N span the null space, so that each solution has z = N c with eight numbers c.
-   Take two linear forms a . p and b . p with generic a, b. The 20 monomials of degree three times
-   a . p are sums of entries of z = N c. So they are S_a c, with a matrix S_a of shape (20, 8). The
-   same monomials times b . p are S_b c. At a solution both products differ only by the ratio
-   r = (a . p) / (b . p): S_a c = r S_b c. S_b has rank eight, so each c is an eigenvector of the
-   8 x 8 matrix pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique.
-   (Degree three is not enough: its null space has dimension eight too, but S_b rank seven.)
+   The c are eigenvectors of a matrix, as follows. Let d be the 20 monomials of degree three at a
+   solution p, and take two linear forms a . p and b . p with generic a, b. The vector (a . p) d is
+   linear in the monomials of degree four, z = N c. So it is S_a c with a matrix S_a of shape
+   (20, 8), the same for all solutions. In the same way, (b . p) d = S_b c. Both are multiples of d,
+   with the ratio r = (a . p) / (b . p). So S_a c = r S_b c. S_b has rank eight, so that
+   pinv(S_b) S_a c = r c: each c is an eigenvector of this 8 x 8 matrix. The eigenvalues r differ,
+   so that the eigenvectors are unique. (Degree three is not enough in step 1: its null space has
+   dimension eight too, but then S_b has rank seven.)
 3. From an eigenvector follows z = N c. The products of one monomial of degree three with x, y, z, w
    are entries of z and proportional to p. Newton's method removes the rounding of the eigenvectors.
 """
@@ -140,9 +142,11 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
     coefficients = np.empty((3, len(_DEGREE_2)))  # of each quadric, by monomial
     for column, (i, j) in enumerate(_DEGREE_2):
         coefficients[:, column] = A[:, i, j] if i == j else 2 * A[:, i, j]
+    # For each quadric and each monomial that multiplies it, one row. The product with each of the
+    # ten monomials of the quadric is one column, which gets the coefficient of this monomial.
     macaulay = np.zeros((3, len(_DEGREE_2), len(_DEGREE_4)))
     for factor, columns in enumerate(_QUADRATIC_TIMES_QUADRATIC):
-        macaulay[:, factor, columns] = coefficients
+        macaulay[:, factor, columns] = coefficients  # both of shape (3, 10)
     _, singular_values, Vt = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
     largest = singular_values[0]
     rank = len(_DEGREE_4) - _N_SOLUTIONS
