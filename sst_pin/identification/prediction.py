@@ -19,18 +19,19 @@ from .measurements import MeasuredMotion
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
     """Motor torques that dynamic parameters predict for a motion, shape (N, motors).
 
-    With surplus motors they are the smallest torques.
+    If there are more motors than coordinates, the torques with the smallest norm are returned.
 
     Args:
         chain: The robot.
-        theta: All dynamic parameters, offsets of motors among them, shape (p,).
+        theta: The dynamic parameters in the order of the columns of `torque_regressor`, shape
+            (p,). The last ones are the torque offsets of the motors.
         motion: A motion of the robot.
     """
     require_robot("chain", chain)
     require_motion(motion, chain.mechanism)
-    Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
-    forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
-    # The smallest solution of J^T tau = forces.
+    Y = chain.torque_regressor(motion.q, motion.va, motion.aa)  # shape (N, n, p)
+    forces = Y @ finite_array("theta", theta, (Y.shape[-1],))  # along the coordinates, (N, n)
+    # The smallest solution of J^T tau = forces, with the Jacobian J of the motors, (N, motors, n).
     torques_of_forces = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
     return np.asarray((torques_of_forces @ forces[..., None])[..., 0])
 
