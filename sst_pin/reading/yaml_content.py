@@ -38,8 +38,9 @@ _SAME_MEANING = {
     "damping": "viscous_friction",
     "limits": "joint_limit",
 }
-#: The same for unknown keys in one entry of the file, such as one contact. A known key is proposed
-#: only if the entry can have it: `rope` in place of `frames` only in a rope.
+#: The same for unknown keys in one entry of the file, such as one contact. A key can be known in
+#: one kind of entry and unknown in another: a line has `frames`, but the frames of a rope are
+#: called `rope`. So a known key is proposed only if the entry can have it.
 _SAME_MEANING_IN_ENTRY = {
     "frame_a": "frames",
     "frame_b": "frames",
@@ -153,10 +154,12 @@ def name_in(value: Any) -> str:
 
 def number_in(value: Any, key: str = "") -> float:
     """A finite number; a ValueError for anything else, which names the key."""
-    number = numbers(value, 1) if isinstance(value, str) else None
-    if number is None:
+    one_number = None  # shape (1,)
+    if isinstance(value, str):
+        one_number = numbers(value, count=1)
+    if one_number is None:
         raise ValueError(f"{key} {shown(value)} is not a number".lstrip())
-    return float(number[0])
+    return float(one_number[0])
 
 
 def pair_in(value: Any) -> tuple[str, str]:
