@@ -50,6 +50,7 @@ class MjcfEqualities:
         names = self._document.names_by_rate()
         for joint in self._document.joints:
             if joint.mimics:
+                # A mimic joint has no rate of its own: its rate is that of the joint it mimics.
                 leader = names[int(joint.rates[0])]
                 self._add_polynomial("joint", [joint.name, leader], [joint.offset, joint.factor])
 
@@ -88,15 +89,19 @@ class MjcfEqualities:
         elif is_hinge:
             self._connect(number, "connect", closure.frame_a, closure.frame_b)
             axis = components.index(False) - 3  # 0, 1 or 2: the free rotation is about x, y or z
-            site_a = self._add_site_on_axis(number, closure.frame_a, axis)
-            site_b = self._add_site_on_axis(number, closure.frame_b, axis)
-            self._connect(number, "connect", site_a, site_b)
+            on_axis_a = self._add_site_on_axis(number, closure.frame_a, axis)
+            on_axis_b = self._add_site_on_axis(number, closure.frame_b, axis)
+            self._connect(number, "connect", on_axis_a, on_axis_b)
         else:
             words = closure.kind if isinstance(closure.kind, str) else "of these directions"
             self._refuse(f"closure {closure}: MuJoCo has no closure {words}")
 
     def _connect(self, number: int, kind: str, frame_a: str, frame_b: str) -> None:
-        """Connect the sites at two frames, for the closure of this index; `kind` is of MuJoCo."""
+        """Connect the sites at two frames, for the closure of this index.
+
+        `kind` is "weld" or "connect". `frame_a` and `frame_b` are names of frames, or names that
+        `_add_site_on_axis` returns: `site_name` makes the names of sites in the file from both.
+        """
         equalities = self._document.section("equality")
         names = {equality.get("name") for equality in equalities}
         name = f"{frame_a}-{frame_b}"
@@ -106,7 +111,7 @@ class MjcfEqualities:
         SubElement(equalities, kind, attributes)
 
     def _add_site_on_axis(self, number: int, frame_name: str, axis: int) -> str:
-        """Add a site on the axis x, y or z of an end of a closure; returns the name of the site.
+        """Add a site on the axis x, y or z of an end of a closure; returns its name for `_connect`.
 
         `number` is the index of the closure, `axis` is 0, 1 or 2. The site's distance from the
         origin is the robot's length, so that both points together hold the direction of the axis as
@@ -131,7 +136,7 @@ class MjcfEqualities:
             text = "MuJoCo holds at one position only; name a configuration home"
             self._refuse(f"{brake}: {text}")
             return
-        rate = self._mechanism.rate_of(brake)
+        rate = self._mechanism.rate_of(brake)  # None for a brake that holds a line
         if rate is not None:
             name = self._document.names_by_rate().get(rate)
             if name is None:
@@ -141,7 +146,7 @@ class MjcfEqualities:
             (joint,) = (joint for joint in self._document.joints if joint.name == name)
             self._add_polynomial("joint", [name], [float(joint.qpos(home)[0])])
         else:
-            assert brake.frames is not None  # a brake without a rate holds a line
+            assert brake.frames is not None
             # `add_lines` has written the line as a tendon, which has the name of the brake.
             at_zero = self._distance(*brake.frames, pin.neutral(self._mechanism.model))
             change = self._distance(*brake.frames, home) - at_zero
@@ -183,7 +188,8 @@ class MjcfEqualities:
             return
 
         # The argument is the joint with the nonlinear polynomial, or the first joint if all are
-        # linear. This list has one name, or none if the follower is constant.
+        # linear; a zero polynomial counts as linear. This list has one name, or none if there are
+        # no polynomials: then the follower is constant.
         arguments = nonlinear or list(polynomials)[:1]
         left_side = {coupling.joint: 1.0}
         right_side = np.zeros(_MAX_DEGREE + 1)  # coefficients, the constant first
