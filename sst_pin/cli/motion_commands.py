@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin torques`, `simulate`, `plot` and `show`: from a motion or its torques."""
+"""`sst-pin torques`, `simulate`, `plot` and `show`: from a motion or its torques.
+
+The commands return their exit codes: 0, 1 if findings stop them (with --strict), or `CUT_SHORT`.
+"""
 
 import argparse
 import threading
@@ -32,7 +35,8 @@ def torques(arguments: argparse.Namespace) -> int:
     robot = common.robot_of(arguments)
     source = common.source_of(arguments.motion)
     motion = read_motion(robot.engine, source, common.table_reader(robot))
-    if common.print_findings(robot.check_limits(motion), arguments):
+    must_stop = common.print_findings(robot.check_limits(motion), arguments)
+    if must_stop:
         return 1
     common.save(motion, arguments)
     peaks = np.abs(motion.tau).max(axis=0)
@@ -58,7 +62,8 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
     motion = robot.simulate(tau, q0, va0, t)
-    if common.print_findings(robot.check_limits(motion), arguments):
+    must_stop = common.print_findings(robot.check_limits(motion), arguments)
+    if must_stop:
         return 1
     common.save(motion, arguments)
     text = f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}"
@@ -76,7 +81,8 @@ def plot(arguments: argparse.Namespace) -> int:
     motion = common.motion_of(robot, arguments.motion)
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
-    if common.print_findings(robot.check_limits(motion), arguments):
+    must_stop = common.print_findings(robot.check_limits(motion), arguments)
+    if must_stop:
         return 1
     figure = plots.motion_page(robot, motion, arguments.what, arguments.frame)
     common.write({arguments.output: plots.figure_writer(figure, name)}, arguments)
@@ -101,6 +107,7 @@ def show(arguments: argparse.Namespace) -> int:
     # The page.
     viewer = Viewer(
         robot,
+        # An empty model has no shapes: the robot is drawn as a skeleton. None: its own shapes.
         visual_model=pin.GeometryModel() if arguments.skeleton else None,
         axes=arguments.axes,
         frames=arguments.frames,
@@ -113,7 +120,8 @@ def show(arguments: argparse.Namespace) -> int:
             viewer.show(start_of(robot.engine))
         else:
             viewer.play(motion, speed=speed, ghost=ghost, title=title)
-        if common.print_findings(viewer.warnings, arguments):
+        must_stop = common.print_findings(viewer.warnings, arguments)
+        if must_stop:
             return 1
         if outputs:
             write_files({path: viewer.writer(path) for path in outputs}, arguments.force)
@@ -162,6 +170,7 @@ def _scene(arguments: argparse.Namespace) -> _Scene:
     if path is not None:
         return _Scene(robot, common.motion_of(robot, path), 1.0, path.name)
     if arguments.robot is None:
-        example = example_1(SST(), np.linspace(0, PERIOD, 201))
+        assert isinstance(robot, SST)  # `robot_of` makes one if there is no --robot
+        example = example_1(robot, np.linspace(0, PERIOD, 201))
         return _Scene(robot, example, 0.1, "Example 1: the circle")
     return _Scene(robot, None, 1.0, robot.mechanism.model.name)

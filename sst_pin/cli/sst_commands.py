@@ -35,7 +35,8 @@ def paper(arguments: argparse.Namespace) -> int:
     began = time.perf_counter()
     example = example_1(robot, t)
     seconds = time.perf_counter() - began
-    if common.print_findings(robot.check_limits(example), arguments):
+    must_stop = common.print_findings(robot.check_limits(example), arguments)
+    if must_stop:
         return 1
 
     # Example 1 and example 2, as lines of a table.
