@@ -594,7 +594,7 @@ def _unpickled(
     # its arrays read-only. The parts listed here do so; `replace(mechanism, ...)` does the same for
     # the mechanism itself. The model is copied, because Pinocchio crashes with mimic joints that
     # were unpickled.
-    parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
+    parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs", "lines")}
     if mechanism.weight_shares is not None:
         parts["weight_shares"] = replace(mechanism.weight_shares)
     mechanism = replace(mechanism, model=pin.Model(mechanism.model), **parts)

@@ -139,7 +139,7 @@ def mechanism_of(
         motor_names=motor_names,
         friction=_friction(model, numbers),
         springs=_springs(model, space, numbers),
-        lines=Lines(lines, read_only(B_lines)),
+        lines=Lines(lines, B_lines),
         contacts=contacts,
         weight_shares=weight_shares_of(model, weight_shares),
     )

@@ -7,7 +7,7 @@ from math import inf
 
 import numpy as np
 
-from ..arrays import Array, Flags, single_array
+from ..arrays import Array, Flags, read_only, single_array
 from ..errors import InputError
 from .dry_friction import sign_of
 
@@ -126,8 +126,11 @@ class Lines:
 
     forces: tuple[LineForce, ...]
     #: Motor torques tau push the ends of the lines apart with the forces actuation tau, shape
-    #: (lines, motors).
+    #: (lines, motors); read-only.
     actuation: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "actuation", read_only(self.actuation))
 
     @cached_property
     def none(self) -> bool:

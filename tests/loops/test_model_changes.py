@@ -150,6 +150,7 @@ def test_arrays_of_a_robot_are_read_only(copied):
     arrays = [getattr(mechanism, name) for name in names]
     arrays += [chain.actuation, chain.motor_indices, chain.friction.viscous, chain.friction.coulomb]
     arrays += [mechanism.springs.stiffness, mechanism.springs.reference]
+    arrays.append(mechanism.lines.actuation)
     assert not any(array.flags.writeable for array in arrays)
 
 
