@@ -42,7 +42,8 @@ class SymbolicKernel:
     inputs: dict[str, SX]
     #: The symbolic parameters p.
     parameters: SX
-    #: All results in a column; along directions those that are computed once.
+    #: All results in a column. With `along`, only the results that are computed once; the passes of
+    #: `along` compute the others once for each direction.
     output: SX
     #: Numbers that are at most 1 if the results are right.
     checks: SX
@@ -109,7 +110,10 @@ def make(
 def entry(
     equations: Equations, key: Quantity, checks: Checks | None = None
 ) -> list[SymbolicKernel]:
-    """The kernels in the library of a key: one, or the two of a rollout."""
+    """The kernels of the C library that computes a quantity: one, or two for a rollout.
+
+    Each `Quantity` is compiled to a library of its own.
+    """
     names: list[str] = [key.name]
     if key.name == "rollout":
         names = ["closing", "state_rate"]
@@ -166,12 +170,18 @@ def _torque_derivatives(e: Equations, checks: Checks) -> KernelParts:
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> KernelParts:
     """Derivatives of aa by q, va and tau side by side."""
+    # `more_checks` contain `massless`, because this function solves with the mass matrix.
     derivatives, more_checks = symbolic_derivatives.of_accelerations(e, checks)
     return KernelParts(_driven(e), row_by_row(derivatives), checks.of_accelerations + more_checks)
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> KernelParts:
-    """Rates of a displacement that moving joint axes cause, as `Reference.displacement_rates`."""
+    """D, shape (n, n), row by row, as `Engine.displacement_rates` defines it.
+
+    Let x be the small displacement, in the coordinates, from the motion to a motion beside it, and
+    dva the difference of their rates va. Then x_dot = dva + D x. D is zero unless a coordinate is a
+    rate whose axis turns with its body, such as a rate of a ball.
+    """
     columns = (symbolic_derivatives.displacement_rates_along(e, L) for L in e.L)
     return KernelParts(_moving(e), row_by_row(*columns), checks.of_rates + checks.of_steady_motion)
 
@@ -180,6 +190,7 @@ def _reduced_terms(e: Equations, checks: Checks) -> KernelParts:
     """Mass matrix, Coriolis matrix, forces of gravity with springs, forces of friction."""
     # Forces that the motors need against weights (without rates and accelerations), springs and
     # friction. The terms are the forces of weights, springs and friction, hence the signs below.
+    # The springs depend on the rates, because these determine which cables are slack.
     gravity = e.projected_by_L(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
     friction = e.projected_by_L(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
@@ -239,8 +250,10 @@ def _closing(e: Equations, checks: Checks) -> KernelParts:
     """q after a step of Newton's method, det Phi_u, and the sum of squares of the entries of Phi_u.
 
     The step holds the coordinates: Phi_u v_u = -f, with the residuals f of the closures. Rows that
-    constrain rates only have no residual and f = 0, so wheels roll during the step. The determinant
-    and the sum are free of units.
+    constrain rates only have no residual and f = 0, so wheels roll during the step.
+
+    Phi_u has all rows of the closures, and the sum is over all of them. The determinant is that of
+    the rows with pivots; the other rows are redundant. Both numbers are free of units.
     """
     right = Sparse()
     for i in e.factors.rows:
@@ -275,8 +288,9 @@ def _at_unit_vectors(e: Equations, checks: Checks, output: SX, values: SX) -> tu
         return output, values
     q = e.kinematics.normalized(e.q)
     output, values = ca.substitute([output, values], [e.q], [q])
-    # The first check is that of open loops. After the substitution, its term for lengths of unit
-    # vectors is zero; this is the term for the lengths in q itself.
+    # `make` puts the checks of `of_state` first, and the first of these is that of open loops.
+    # After the substitution, its term for lengths of unit vectors is zero. `unit_lengths` is this
+    # term for the lengths in q itself.
     values[0] += checks.unit_lengths
     return output, values
 
