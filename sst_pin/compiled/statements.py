@@ -25,11 +25,13 @@ _PART = 500
 # For `with_results_in_memory`:
 #: A function with this number of statements or fewer stays as it is.
 _FEW = 300
-#: A result that is not used for more statements than this is stored in the array.
+#: A *distant use* of a result comes more than this number of statements after the use before it. A
+#: result with a distant use is stored in an array.
 _NEAR = 120
-#: Entries of the array that are read by one pointer, half of them on each side of it.
+#: Pointers divide the array: each of them points to the middle of this number of entries.
 _REACH = 32
-#: The most pointers whose target is hidden from the compiler.
+#: An `__asm__` statement after a pointer hides from the compiler where it points. At most this many
+#: pointers have such a statement.
 _POINTERS = 12
 
 #: Names of results of statements.
@@ -74,8 +76,9 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
     The `__asm__` hides the array from the compiler. Without it, the compiler moves the results back
     into registers, and most of the gain is lost. The smaller kernels of the SST gain nothing.
 
-    An offset from the stack pointer takes four bytes, a small offset from another pointer one byte.
-    So several pointers into the array make the machine code for one sample shorter.
+    The array has the name `room`, and the pointers into it are w0, w1, and so on. An offset from
+    the stack pointer takes four bytes, a small offset from another pointer one byte. So several
+    pointers make the machine code for one sample shorter.
     """
     if len(lines) <= _FEW:
         return list(lines)
@@ -161,7 +164,8 @@ def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
 
     Compile time grows faster than the size of a function. So a long function becomes several
     functions, which run one after the other. A result that later pieces use is stored in w. Its
-    entry of w is free after the last piece that uses it.
+    entry of w is free after the last piece that uses it. The caller provides w and hands it to each
+    function. The pointers w0, w1, ... of `with_results_in_memory` point into another array.
     """
     last_piece = dict[str, int]()  # the last piece that uses each result
     for k, piece in enumerate(pieces):
