@@ -47,7 +47,7 @@ class End(NamedTuple):
     base: int
     #: Index of the link of the frame.
     link: int
-    #: The origin of the frame.
+    #: The origin of the frame, from the origin of the base.
     point: SX
     #: The term of the frame in Phi v: g_B for frame B, -g_A for frame A.
     rate: VelocityFunction

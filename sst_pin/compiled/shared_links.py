@@ -113,9 +113,10 @@ class _ByTwists:
         self._links = kinematics.tree.links
         self._dependent = {j for block in blocks for j in block.columns}
         links_of_rate = Counter(j for link in self._links for j in link.v)
-        #: Dependent rates that move a single link relative to its parent. A joint that mimic joints
-        #: follow shares its rate with them. The entry of a row for such a rate contains more than
-        #: one link and cannot be replaced by the twist of one.
+        #: Dependent rates that move a single link relative to its parent. Other rates belong to a
+        #: joint and to the mimic joints that follow it, so that they move several links. The entry
+        #: of a row for such a rate is a sum over these links. The twist of one link cannot replace
+        #: it.
         self._of_one_link = {j for j in self._dependent if links_of_rate[j] == 1}
         #: Indices of the next auxiliary unknown.
         self._next_row, self._next_column = first
@@ -145,8 +146,9 @@ class _ByTwists:
                 continue
             for j in part.rates:
                 entries.pop(j, None)
-            # What the known rates contribute to the row is what the twist of the link contributes,
-            # if all joints between the link and the end are fixed.
+            # The rates of this part move only the links up to `part.link`, and the end as if it
+            # were fixed to this link: their part of the row is that of the twist of the link.
+            # Both points are in the axes of the base, from its origin.
             lever = end.point - self._origin(end.base, part.link)
             coefficients = _coefficients_of_twist(end, lever)
             for component, column in self._defined_twist(end.base, part.link).items():
@@ -229,7 +231,7 @@ class _ByTwists:
         return column
 
     def _origin(self, base: int, link: int) -> SX:
-        """Origin of a link in the axes of one of its ancestors."""
+        """Origin of a link, from the origin and in the axes of one of its ancestors."""
         _, p = self._kinematics.pose(base, link)
         return p
 
