@@ -71,6 +71,8 @@ class SymbolicParameters:
         self.bodies = tuple(i for i in range(1, model.njoints) if massive[i])
         values = _of_joints(mechanism)
         self.joints = {name: tuple(map(int, np.flatnonzero(x))) for name, x in values.items()}
+        # A reference of zero is a position like any other. So the entries of q with springs replace
+        # those whose reference is not zero.
         self.joints["spring_reference"] = _entries_with_springs(mechanism)
         if complete:
             self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
@@ -136,11 +138,13 @@ class SymbolicParameters:
     # --- derivatives ------------------------------------------------------------------------------
 
     def by_parameters(self) -> list[Array]:
-        """Derivatives of p by the parameters of `dynamics.regressor`, except the offsets.
+        """Derivatives of p by the dynamic parameters, which multiply the regressor Y.
 
-        The list has one matrix for bodies, one for each of four quantities of rates, and one for
-        lines, in the order of the regressor, each of shape (size, columns). The parameters must be
-        `complete`, and the springs of the mechanism those of `regressor.with_springs`.
+        The offsets of joint forces and of motors are left out, because they are not in p. The list
+        has one matrix for each group of parameters, in the order of `dynamics.regressor`: bodies;
+        viscous friction, dry friction, armature and stiffness of the rates; lines. A matrix has the
+        shape (size, parameters of the group). `SymbolicParameters` must be `complete`, and the
+        springs of the mechanism those of `regressor.with_springs`.
         """
         identity = np.eye(self.size)  # the derivatives of p by p
 
