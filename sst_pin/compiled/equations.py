@@ -106,11 +106,11 @@ class Equations:
         model = mechanism.model
         self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        # The acceleration of link 0 in the rows of closures. It is arbitrary, because a row
-        # subtracts the accelerations of two frames; by default it is zero. In the forces of the
-        # tree, link 0 accelerates against gravity. Derivatives by displacements need rows and
-        # forces together. With the same acceleration they have expressions in common. This saves
-        # operations, for instance for a scissor lift.
+        # The acceleration of link 0 in the rows of closures; None for zero. Each value gives the
+        # same rows, because a row subtracts the accelerations of two frames, and both contain that
+        # of link 0. In the forces of the tree, the acceleration of link 0 is minus gravity, which
+        # adds the weights. Derivatives by displacements need rows and forces together. With the
+        # same acceleration, both have expressions in common, which are computed once.
         acceleration = None
         if displaced:
             acceleration = -self.p[GRAVITY]
@@ -131,7 +131,11 @@ class Equations:
 
     @cached_property
     def displaced(self) -> "Equations":
-        """Equations of the same mechanism with displaced joints, on symbols of their own."""
+        """Equations of the same mechanism with displaced joints, on symbols of their own.
+
+        `welded` is always true here: only reactions need each body by itself, and they need no
+        derivatives.
+        """
         return Equations(
             self.mechanism,
             self._samples,
@@ -280,7 +284,8 @@ class Equations:
     def forces(self, dv: Sparse) -> Sparse:
         """Forces along the rates of the tree that the motion with v and accelerations dv needs.
 
-        They include friction and springs.
+        They include friction and springs. The springs depend on v, because v determines which
+        cables are slack.
         """
         friction = self.tree.friction(self.v)
         return add(self.tree.forces(self.v, dv), add(friction, self.tree.springs(self.v)))
@@ -304,8 +309,9 @@ class Equations:
     def motor_columns(self) -> list[Sparse]:
         """Columns of B: forces along the rates of the tree by a unit torque of each motor.
 
-        A motor on a line pushes its ends apart. The forces that a push exerts are those that an
-        equal pull needs (`TreeDynamics.along_lines`).
+        A motor on a line pushes its ends apart. `TreeDynamics.along_lines` returns the forces that
+        pulls *need*: those with which the joints balance the pulls, that is, minus the forces that
+        the pulls exert. A push is a negative pull. So it exerts what an equal pull needs.
         """
         pairs = zip(self.mechanism.actuation.T, self.mechanism.lines.actuation.T, strict=True)
         columns = []
@@ -356,16 +362,17 @@ class Equations:
 
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
-        """Factors of (L^T B)^T, and the largest of each of their `squares` in the samples.
+        """Factors of (L^T B)^T, and the largest squared lengths of the columns of their Q.
 
-        The matrix has a row for each motor and a column for each coordinate.
+        The matrix has a row for each motor and a column for each coordinate. Each number of the
+        second result is the largest value of one entry of `Orthogonal.squares` in the samples.
         """
         motors = range(len(self.mechanism.motor_names))
         rows_of_transpose: list[dict[int, Any]] = [{} for _ in motors]
         for i, row in enumerate(self.motor_rows):
             for k, entry in row.items():
                 rows_of_transpose[k][i] = entry
-        scale = dict.fromkeys(motors, 1.0)
+        scale = dict.fromkeys(motors, 1.0)  # no scales: the sum of tau^2 is the least
         columns = range(len(self._coordinates))
         return orthogonal_factors(rows_of_transpose, scale, columns, self.at_samples)
 
@@ -418,7 +425,9 @@ class Equations:
     def _hanging_loops(self) -> dict[int, dict[int, Sparse]]:
         """Rows of L of the dependent rates, by the link on which their loops hang.
 
-        It is the argument of `TreeDynamics.composite_inertia`.
+        A loop hangs on the last link that carries all of its links. A motion of this link, or of a
+        link that carries it, moves the loop as a whole. `TreeDynamics.composite_inertia` has this
+        argument: with it, the mass matrix of the tree gets fewer entries.
         """
         links = self.kinematics.tree.links
         loops: dict[int, dict[int, Sparse]] = {}
@@ -428,7 +437,8 @@ class Equations:
             # The loop of a dependent rate: the links whose joints have this rate or a coordinate
             # that moves it.
             loop = [link for link in links if {rate, *row}.intersection(link.v)]
-            # The loop hangs on the last link before all of them. Parents have smaller numbers.
+            # `ancestors` returns the parent itself too. The last common ancestor of the parents has
+            # the largest number, because a link has a larger number than its parent.
             before = [set(self.kinematics.tree.ancestors(link.parent)) for link in loop]
             hangs_on = max(set.intersection(*before))
             # `composite_inertia` stops before link 0, so loops on the ground are left out.
