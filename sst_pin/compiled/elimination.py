@@ -81,12 +81,13 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
         sizes.append(size[:, i, j].max())
 
         # In each sample, subtract multiples of row i from the rows with an entry in column j. Row i
-        # and column j are done.
+        # is one of these rows: its factor is 1, and it becomes zero. Row i and column j are done.
         rows = np.flatnonzero(pattern[:, j])
         columns = np.flatnonzero(pattern[i])
         factors = values[:, rows, j] / values[:, i, j, None]  # (samples, rows)
         block = np.ix_(np.arange(len(values)), rows, columns)
-        values[block] -= factors[:, :, None] * values[:, None, i, columns]
+        pivot_row = values[:, None, i, columns]  # (samples, 1, columns)
+        values[block] -= factors[:, :, None] * pivot_row
         pattern[np.ix_(rows, columns)] = True
         pattern[i] = pattern[:, j] = False
     return order, np.array(sizes)
@@ -107,9 +108,9 @@ def triangular_blocks(pattern: Flags) -> list[Indices]:
     needs = pattern | np.eye(len(pattern), dtype=bool)
     for _ in range(len(pattern).bit_length()):
         needs = needs @ needs
-    # Unknowns that need one another form a block. If a block depends on another one, it needs all
-    # unknowns that the other one needs, and itself too. So the number of needed unknowns gives a
-    # right order.
+    # Unknowns that need one another form a block. If block A depends on block B, then A needs all
+    # unknowns that B needs, and also its own unknowns, which B does not need. So A needs more
+    # unknowns than B. An order by the number of needed unknowns puts B before A.
     together = needs & needs.T
     first = together.argmax(axis=1)  # the first unknown of the block of each unknown
     starts = sorted(set(first.tolist()), key=lambda k: (int(needs[k].sum()), k))
@@ -213,6 +214,8 @@ class Factors:
             sizes: The largest size of each pivot in the samples.
         """
         if len(self.inverses) < len(sizes):  # a 2 x 2 block, with its determinant as pivot
+            # The determinant is the product of the two pivots that the block replaces. So its
+            # largest size is at most the product of their largest sizes.
             sizes = np.append(sizes[:-2], sizes[-2] * sizes[-1])
         pairs = zip(sizes, self.inverses, strict=True)
         return total([(_SMALL * float(size) * inverse) ** 2 for size, inverse in pairs])
@@ -397,7 +400,9 @@ def _least_filled(columns: Mapping[int, set[int]]) -> list[int]:
 class Definition:
     """A row that defines an auxiliary unknown, with a one in the column of this unknown.
 
-    It is a block of size one. `shared_links` adds such rows and unknowns to a matrix.
+    An auxiliary unknown is not a rate of a joint. It stands for an expression in other unknowns
+    that several rows contain, such as a component of the twist of a link. `shared_links` adds such
+    rows and unknowns to a matrix. Row and unknown are a block of size one.
     """
 
     def __init__(self, row: int, column: int) -> None:
