@@ -61,15 +61,16 @@ _STEPS = 20
 _SERIES = 30
 #: From this series on, a solution need not be exact to rounding.
 _REFINED = 3
-#: If a step has no solution, its impulses grow without bound, and an error relative to them would
-#: become small. So the error is relative to at most this multiple of the largest rate without
-#: impulses (u of `_Problem`), which has the same unit as an impulse. A choice.
+#: The error is divided by the largest impulse. If a step has no solution, its impulses grow without
+#: bound, and this quotient would become small. So the divisor is at most this multiple of the
+#: largest entry of u, the rates of the rows without impulses (see `_Problem`). In the divided
+#: rows, u has the same unit as the impulses. A choice.
 _LARGEST = 1e3
 #: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T; a choice. The first
-#: one is small beside the regular parts of this matrix. If redundant contacts contradict each
-#: other, as corners of a sole that begins to tilt, larger terms keep Newton's steps short. If the
-#: contradiction is as small as 1e-9, the solution is far away, and smaller terms let the steps
-#: reach it.
+#: one is small beside the regular parts of this matrix. Redundant contacts can contradict each
+#: other, for instance corners of a sole that begins to tilt. Larger terms then keep Newton's steps
+#: short. A contradiction as small as 1e-9 can put the solution far away from the start. Smaller
+#: terms then allow the long steps to it.
 _PROXIMAL = (1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2)
 
 
@@ -124,13 +125,19 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
     x = np.zeros(len(start))
     rates = free
     residual = 0.0
-    while True:  # each round adds rows, so that there are at most m rounds
+    # At the beginning of each round, x solves the laws of the rows that act, and `rates` are the
+    # rates after x. A round looks for other rows that these rates violate. If there are any, they
+    # act too, and x is computed anew for all of them. So there are at most m rounds.
+    while True:
         w = rows.J @ rates + rows.bias
         needed = _of_whole_contacts(is_dry | (one_sided & (w < 0)), rows.kinds)
         added = needed & ~acting & moves
         if not added.any():
+            if not np.isfinite(rates).all():
+                residual = np.inf
             return Impulses(rates, x, residual)
         acting |= added
+        # Without finite rates, there are no impulses to compute: the step has failed.
         x = np.zeros(len(start))
         residual = np.inf
         if np.isfinite(w).all():
@@ -186,9 +193,10 @@ class _Problem:
     def solution(self, start: Array) -> tuple[Array, float]:
         """The solution near a start, and its residual.
 
-        Two of three series begin with sweeps from the best impulses so far. The others continue a
-        sequence of sweeps that Newton's steps do not change, with more sweeps each time. Neither is
-        best for all problems.
+        Two of three series sweep from the best impulses so far, which come from Newton's steps. The
+        first series and every third one after it sweep from `swept`: the impulses after the sweeps
+        of the last such series, before Newton's steps. Each of them makes more sweeps than the one
+        before. Neither start is best for all problems.
         """
         swept = start
         best = start

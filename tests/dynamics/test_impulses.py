@@ -75,3 +75,8 @@ def test_rows_that_contradict_each_other_have_a_large_residual():
     J = np.array([[1.0], [-1.0]])
     rows = Rows(J, np.full(2, -1.0), np.zeros(2), np.array([STOP, STOP]), np.zeros(2))
     assert impulses(np.eye(1), np.zeros(1), rows, np.zeros(2)).residual > 1e-6
+
+
+def test_free_rates_that_are_not_finite_have_an_infinite_residual():
+    rows = Rows(np.eye(1), np.zeros(1), np.zeros(1), np.array([STOP]), np.zeros(1))
+    assert impulses(np.eye(1), np.array([np.nan]), rows, np.zeros(1)).residual == np.inf
