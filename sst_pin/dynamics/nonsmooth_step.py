@@ -189,7 +189,8 @@ class NonsmoothStep:
         ]
         self._rope_lengths = np.array([rope.length for rope in self._mechanism.contacts.ropes])
         lines = np.arange(len(self._mechanism.lines.forces))
-        #: Indices of the lines that pull and push.
+        #: Indices of the lines that pull and push. `rows.cables` are the indices of the other
+        #: lines, which only pull. `rows.parts.cables` is the slice of the rows of these cables.
         self._rods = np.setdiff1d(lines, rows.cables)
 
     @cached_property
@@ -224,6 +225,7 @@ class NonsmoothStep:
         x[self._rows.parts.cables] += h * cables.constant_pulls  # their rows have no impulses
         v = begin.L @ after
         ahead = mechanism.space.normalised(q + h * mechanism.space.q_dot(q, v))
+        # `without_slip` closes the loops with wheels that roll and with braked joints at rest.
         end = self._context.without_slip.assemble(ahead, mechanism.dependent)
         return Step(end, after, v, x, residual)
 
@@ -252,7 +254,11 @@ class NonsmoothStep:
         )
 
     def _tensions(self, begin: _Beginning, tau: Array) -> Array:
-        """Tensions of all lines with motor torques tau, without dampers, shape (lines,)."""
+        """Tensions of all lines with motor torques tau, without dampers, shape (lines,).
+
+        A tension pulls the ends of a line together. A positive torque of a motor pushes them apart,
+        so it reduces the tension: `actuation` is the push per unit of torque.
+        """
         lines = self._mechanism.lines
         springs = lines.stiffness * (begin.lengths - lines.rest_lengths)
         return np.asarray(lines.preload + springs - lines.actuation @ tau)
@@ -279,7 +285,11 @@ class NonsmoothStep:
         cables: _Cables,
         wrenches: Array | None,
     ) -> Array:
-        """Forces on the tree at the beginning, without dampers and impulses, shape (nv,)."""
+        """Forces on the tree at the beginning, without dampers and impulses, shape (nv,).
+
+        J_lines v are the rates at which lines become longer. A tension acts against them, so that
+        its forces along v are -J_lines^T times the tension.
+        """
         mechanism = self._mechanism
         rods = self._rods
         force = begin.force + mechanism.actuation @ tau - tensions[rods] @ begin.J_lines[rods]
@@ -347,7 +357,11 @@ class NonsmoothStep:
         return Rows(J, biases, compliance, rows.kinds, rows.bounds(h))
 
     def _held_by_loops(self, J: Array) -> Indices:
-        """Indices of the rows of gaps that the loops hold constant: their J is rounding."""
+        """Indices of the rows of gaps that the loops hold constant: their J is rounding.
+
+        J times the scales of the coordinates has the unit of the gap, metres or radians. Over
+        `gap_scale`, which has the same order as `gap_rows`, it is free of units.
+        """
         rows = self._rows
         scale = self._mechanism.rate_scale[self._mechanism.coordinates]
         largest = np.abs(J[rows.gap_rows] * scale).max(axis=1, initial=0.0)
