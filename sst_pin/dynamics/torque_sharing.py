@@ -58,7 +58,7 @@ def inverse_for_torques(mechanism: Mechanism, A: Array, weights: Array | None = 
     if (root_weights != mechanism.motor_scale).any():
         singular_values = np.linalg.svd(_without_units(mechanism, A), compute_uv=False)
     else:
-        singular_values = s  # it is the same matrix
+        singular_values = s  # root_weights is motor_scale, so it is the same matrix
     rank = rank_of(np.asarray(singular_values, dtype=float))
     inverse = (Vt[:rank].T / s[:rank]).dot(U[:, :rank].T)
     return np.asarray(inverse * units / root_weights[:, None])
@@ -142,6 +142,7 @@ def shared_torques(
 ) -> Array:
     """The smallest torques plus a preload along directions, within limits, shape (..., motors)."""
     motors, k = directions.shape[-2:]
+    # With on_error="nan", samples whose amounts are not finite get torques of NaN.
     amounts = as_array("preload", np.zeros(k) if preload is None else preload, (k,))
     if on_error == "raise":
         amounts = finite_array("preload", amounts, (k,))
@@ -178,7 +179,7 @@ def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
     Limits are the largest torques, shape () or (motors,), or the least and the largest ones, shape
     (motors, 2). Error messages use `name`.
     """
-    bounds = as_array(name, limits, ())
+    bounds = as_array(name, limits, ())  # any shape
     if bounds.shape in ((), (motors,)):
         bounds = np.column_stack([np.full(motors, -bounds), np.full(motors, bounds)])
     if bounds.shape != (motors, 2):
@@ -190,7 +191,8 @@ def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
 
 def finite_limits(limits: ArrayLike, motors: int, name: str) -> Array:
     """`limits_of`, for limits that must be finite."""
-    return limits_of(finite_array(name, limits, ()), motors, name)
+    array = finite_array(name, limits, ())  # any shape
+    return limits_of(array, motors, name)
 
 
 def within_limits(
@@ -220,8 +222,10 @@ def _nearest(
     if weights is not None:  # a basis that is orthonormal with these weights
         basis = basis @ np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * basis, mode="r"))
     # The torques are tau + unit basis x with the shortest x that has G x >= h: one row for each
-    # limit. Chapter 23: if u >= 0 minimizes |E u - goal| and r = E u - goal is the residual, then
-    # x = -r[:k] / r[k]. The residual is zero if no x has G x >= h.
+    # limit. Chapter 23: let u >= 0 minimize |E u - goal|, where E = [G^T; h^T] and goal is zero but
+    # for a last entry of 1. The residual r = E u - goal then has E^T r >= 0, which is
+    # G r[:k] + h r[k] >= 0, and r[k] = -|r|^2. If r is zero, no x has G x >= h. Otherwise r[k] < 0,
+    # and division by -r[k] shows that x = -r[:k] / r[k] has G x >= h.
     G = np.vstack([basis, -basis])
     h = np.concatenate([limits[:, 0] - tau, tau - limits[:, 1]]) / unit
     finite = np.isfinite(h)
