@@ -19,9 +19,10 @@ from .state_equations import MotionState
 #: at least this, unless a user sets a smaller one.
 _POOR = 50.0
 #: On the way to a singular configuration, the limit of the condition number is higher by this
-#: factor. The condition number grows as the inverse of the remaining time. Between the noticing of
-#: the configuration and the step over it, the remaining time falls by the factor `EARLIER` at most,
-#: so the condition number grows by `EARLIER` at most. `MARGIN` is a reserve.
+#: factor. The condition number grows as the inverse of the time that remains until the singular
+#: configuration. When a step shows this configuration, a time T remains. The step over it starts
+#: when T / `EARLIER` remains, or before. Until then the condition number grows by the factor
+#: `EARLIER` at most. `MARGIN` is a reserve.
 _NEAR_SINGULARITY = EARLIER * MARGIN
 
 
@@ -101,10 +102,12 @@ class CoordinateChange:
         if space is not robot_space and robot_space.condition_number(state.q) < WELL_CONDITIONED:
             return True
 
-        # The limit is much higher than the one that `settle` would set for the same coordinates.
+        # The limit is much higher than the one that `settle` would set for the same coordinates,
+        # `MARGIN` times their condition number. The second `MARGIN` keeps this from happening again
+        # and again: after `settle`, the condition number must fall by this factor once more.
         if near_singularity or self.limit <= _POOR:
             return False
-        new_limit = MARGIN * space.condition_number(state.q)
+        new_limit = MARGIN * space.condition_number(state.q)  # `settle` sets at least `_POOR`
         return new_limit * MARGIN < self.limit
 
     def regular_part(self, before: MotionState, step: IntegratorStep) -> RegularPart:

@@ -75,6 +75,8 @@ class InputWatch:
             if np.isnan(self.missed_at):
                 self.missed_at = step.end
             return False
+        # If a repeated, shorter step misses a change again, its end is earlier than `_short_until`
+        # was. The steps behind it may be long again, because each of them is examined by itself.
         self._short_until = step.end
         self._short = _SHORTER * step.length
         return True
@@ -91,6 +93,7 @@ class InputWatch:
         differs = (tau != expected_tau).any(axis=1)
         expected_load = load
         if load is not None:
+            # If there are loads, each stage has one; the condition is for the type checker.
             stage_loads = [stage_load for _, stage_load in step.stages if stage_load is not None]
             expected_load = _within(load, stage_loads)
             differs |= (load != expected_load).any(axis=(1, 2))
