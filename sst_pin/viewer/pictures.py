@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import BrowserError, MissingExtraError
+from ..errors import BrowserError, InputError, MissingExtraError
 from ..progress import counted
 
 #: Programs that can take the pictures; the first one that is installed is used.
@@ -37,18 +37,23 @@ def browser() -> Iterator[Any]:
         raise MissingExtraError("playwright", "viz") from None
     path = find_browser()
     arguments = ["--enable-unsafe-swiftshader"]  # WebGL without a graphics card
-    if os.geteuid() == 0:
+    if hasattr(os, "geteuid") and os.geteuid() == 0:  # Windows has no `geteuid`
         arguments.append("--no-sandbox")  # as root, Chromium does not start with its sandbox
     with sync_playwright() as playwright:
         try:
             chromium = playwright.chromium.launch(executable_path=path, args=arguments)
         except Error as error:
-            raise BrowserError(f"{path} does not start: {error.message.splitlines()[0]}") from None
+            raise BrowserError(f"{path} does not start: {_first_line(error.message)}") from None
         try:
             with chromium:
                 yield chromium
         except Error as error:
-            raise BrowserError(f"{path} failed: {error.message.splitlines()[0]}") from None
+            raise BrowserError(f"{path} failed: {_first_line(error.message)}") from None
+
+
+def _first_line(message: str) -> str:
+    """The first line of a message, which may be empty."""
+    return message.partition("\n")[0]
 
 
 def png(html: str) -> bytes:
@@ -64,10 +69,12 @@ def gif(
 
     Args:
         html: The page.
-        frames: Number of pictures of the motion.
+        frames: Number of pictures of the motion, at least one.
         seconds: Duration, [s].
         size: Width and height, [px].
     """
+    if frames < 1:
+        raise InputError("frames", f"{frames}, expected at least 1")
     screenshots = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 
@@ -108,8 +115,9 @@ def _take(html: str, shares: list[float], size: tuple[int, int], scale: float) -
         page = chromium.new_page(viewport=viewport, device_scale_factor=scale)
         page.set_default_timeout(1e3 * _PATIENCE)
         page.goto(file.as_uri())
-        page.evaluate("panel.picture()")
+        page.evaluate("panel.picture()")  # hides the controls of the page
         for share in counted(shares, "pictures", len(shares)):
+            # `still` stops the motion at this share and waits until the page is drawn.
             page.evaluate("share => panel.still(share)", share)
             pictures.append(page.screenshot())
     return pictures

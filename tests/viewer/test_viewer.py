@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The viewer without a browser: what it takes, writes, serves, to whom, and leaves behind."""
 
+import contextlib
 import io
 import os
 import signal
@@ -117,6 +118,28 @@ def test_a_missing_browser_is_named(robot, tmp_path, monkeypatch, capsys):
     assert "no browser found (chromium, " in (err := capsys.readouterr().err)
     assert "apt install chromium" in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_browser_without_a_message_is_named_also_on_windows(monkeypatch):
+    from playwright import sync_api
+
+    class Playwright:
+        chromium = property(lambda self: self)
+
+        def launch(self, **options):
+            assert "--no-sandbox" not in options["args"]
+            raise sync_api.Error("")
+
+    monkeypatch.delattr(os, "geteuid")  # Windows has none
+    monkeypatch.setattr(pictures, "find_browser", lambda: "chromium")
+    monkeypatch.setattr(sync_api, "sync_playwright", lambda: contextlib.nullcontext(Playwright()))
+    with pytest.raises(errors.BrowserError, match="chromium does not start"), pictures.browser():
+        pass
+
+
+def test_a_gif_without_frames_is_refused():
+    with pytest.raises(errors.InputError, match="frames: 0, expected at least 1"):
+        pictures.gif("", frames=0)
 
 
 @pytest.mark.slow
