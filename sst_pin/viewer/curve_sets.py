@@ -78,7 +78,7 @@ def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
 
 def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
     """The set of the joints that have a unit, for q of shape (n, nq)."""
-    units = robot.position_units
+    units = robot.position_units  # "rad", "m" or "": texts have them as they are
     places = [i for i, unit in enumerate(units) if unit]
     names = [robot.position_names[i] for i in places]
     return _curve_set("joints", "joint ", names, names, [units[i] for i in places], q[:, places])
