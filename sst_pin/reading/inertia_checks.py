@@ -88,7 +88,13 @@ def inertia_notes(root: ET.Element) -> Iterator[str]:
 
 
 def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[Problem]:
-    """Problems of a URDF's inertials; the links in `helpers` need none."""
+    """Problems of a URDF's inertials.
+
+    Args:
+        root: The URDF.
+        helpers: Names of links without mass that the reader of a file has added, for instance
+            between the two axes of a universal joint. They need no inertial.
+    """
     bodies = _bodies_of(root)
     # Whether a link moves relative to its parent; the base is not among them.
     moves = {
@@ -147,9 +153,10 @@ def _mass_ratio(masses: Mapping[str, float]) -> Iterator[Problem]:
         yield warning(f"links {heavy} and {light}", text)
 
 
-#: Largest ratio of a link's size to its radius of gyration, and of this radius to the largest size.
-#: The first ratio is 3.5 for a rod. If lengths or moments are in millimetres, one of the ratios is
-#: a thousand times larger.
+#: The largest value of two ratios. One is the size of a link over its radius of gyration, which is
+#: 3.5 for a rod. The other is this radius over the largest size of all links. If lengths are in
+#: millimetres and moments in kg m^2, the first ratio is a thousand times too large. If lengths are
+#: in metres and moments in kg mm^2, the second one is.
 _MAX_SIZE_RATIO = 100
 
 

@@ -25,6 +25,7 @@ def put_joint_numbers(compiled: Compiled, tree: MjcfTree) -> None:
     mj = compiled.mj
     model = tree.model
     _put_position_limits(compiled, tree)
+    # `compiled` has `tendon_armature`, because not every MuJoCo has this field.
     model.armature = tree.by_rate(
         mj.dof_armature + _armature_by_tendons(compiled, tree), compiled.tendon_armature
     )
@@ -77,7 +78,7 @@ def _put_position_limits(compiled: Compiled, tree: MjcfTree) -> None:
     balls = list[int]()
     # Index in q of the first position of a joint, by the index in v of its first rate.
     positions = {joint.idx_v: joint.idx_q for joint in list(model.joints)[1:]}
-    for rate, dof in enumerate(tree.dofs):
+    for rate, dof in enumerate(tree.dofs):  # without the joints of tendons
         joint = int(mj.dof_jntid[dof])
         if not mj.jnt_limited[joint]:
             continue

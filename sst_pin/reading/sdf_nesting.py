@@ -76,9 +76,11 @@ def _parts(model: ET.Element, name: str) -> list[ET.Element]:
 
 
 def _make_default_frames_explicit(part: ET.Element) -> None:
-    """Write the frame of the model into an element that refers to it by default.
+    """Write "__model__", the frame of the inner model, where an element names no frame.
 
-    In the outer model, the default would be another frame.
+    An element without a name of a frame refers to the frame of the model that contains it. In the
+    outer model, this would be another frame. `_rename` then replaces "__model__" by the name that
+    the frame of the inner model has in the outer one.
     """
     if part.tag == "frame" and not part.get("attached_to"):
         part.set("attached_to", MODEL)
