@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parsers of the command line.
 
-Nothing here imports Pinocchio unless an error message is about a robot, so that --help is quick.
+Only `gallery` imports Pinocchio, when it is called. It is not called for --help, which stays quick.
 """
 
 import argparse
@@ -113,6 +113,7 @@ def gallery() -> list[str]:
     """Names of robots without a file: the SST and the gallery."""
     from .. import robots
 
+    # Robots are functions, which have names in lower case. `GalleryRobot` is a class.
     return ["sst", *(name for name in robots.__all__ if name.islower())]
 
 
