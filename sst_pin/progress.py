@@ -36,7 +36,7 @@ class Bar:
         self._appears = monotonic() + PATIENCE
 
     def reach(self, done: float) -> None:
-        """Show how much is done, in the unit of `total`."""
+        """Show how much is done, in the unit of tqdm's option `total`, the amount of all work."""
         if self._bar is None and monotonic() > self._appears:
             from tqdm import tqdm  # its import takes longer than most calls
 
