@@ -44,8 +44,8 @@ from .urdf_origins import with_origins
 #: which is projected on the columns before it. If the remainder is shorter than the tolerance times
 #: the column, the error is hidden. The tolerances are tried in this order, until Newton's method
 #: converges. The first one is above the rounding of the derivatives. With each larger one, fewer
-#: errors are left to estimate. The last one is the largest because with 1e-2 errors would be hidden
-#: that the measurements do show.
+#: errors are left to estimate. There is no larger one than 1e-3: it would hide errors that the
+#: measurements do show.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 
 
@@ -66,8 +66,9 @@ class Calibration(Summary):
         hidden: Errors that cannot be distinguished from those found, or change nothing; they are
             zero.
         chain: The robot with the calibrated geometry.
-        placements: Homogeneous matrices of what was unknown of measuring systems, by name:
-            `<name>_base` in the base of the robot, `<name>_target` in the frame that was measured.
+        placements: Homogeneous matrices of the unknown bases and targets of measuring systems,
+            such as trackers, by name: `<name>_base` in the base of the robot, `<name>_target` in
+            the frame that was measured.
     """
 
     names: tuple[str, ...]
@@ -194,8 +195,9 @@ def calibrate_with(
 ) -> Calibration:
     """The geometry of a robot from measurements of several kinds, some perhaps partial.
 
-    Each kind of value has its own noise: the given one, or one that is estimated. What is unknown
-    of measuring systems is estimated with the errors of the robot; it comes first, so that errors
+    Each kind of value has its own noise: the given one, or one that is estimated. A measuring
+    system, such as a tracker, may have an unknown base, or an unknown target on the measured frame.
+    Their placements are estimated with the errors of the robot. They come first, so that errors
     that only move the robot as a whole are `hidden`.
 
     Args:
@@ -239,8 +241,9 @@ def calibrate_with(
     with_frames = with_systems(chain, measurements, q_of_measurements)
     unknown_frames = list(with_frames.carriers)
 
-    # The same robot with a joint for each error. Errors of the unknown frames come first.
-    compared_frames = list(frames_of(measurements))  # known and unknown ones
+    # The same robot with a joint for each error. Errors of the unknown frames come first. A
+    # measurement compares two frames; each of them may be known or unknown.
+    compared_frames = list(frames_of(measurements))
     errors_of_systems = error_names(unknown_frames)
     errors_of_robot = considered_errors(
         with_frames.chain, compared_frames, which, urdf, unknown_frames
@@ -310,7 +313,8 @@ def _enlarged(
 ) -> EnlargedRobot:
     """The robot with a joint for each error that does not open the loops alone.
 
-    If the caller names errors by `which`, one that opens the loops is refused.
+    For instance, a tilt of one axis of a planar four-bar opens its loop. If the caller names errors
+    by `which`, one that opens the loops is refused.
     """
     enlarged = EnlargedRobot(chain, errors)
     opening = enlarged.opening_errors(enlarged.without_errors(q))
@@ -323,7 +327,7 @@ def _enlarged(
 
 
 def _visible_errors(fit: ErrorFit, q: Array) -> tuple[Indices, ErrorEstimate]:
-    """Numbers of the errors that the measurements show, and their values.
+    """Indices of the errors that the measurements show, and their values.
 
     Errors are visible if the columns of their derivatives at the configurations q, without errors,
     are independent. A column that is nearly dependent can keep Newton's method from converging.
