@@ -195,7 +195,7 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, by_spaci
         torque: The torques, in one of the forms of `Torque`.
         times: The output times, shape (N,), [s].
         by_spacing: Whether a torque that is a function limits the steps of the integrator to the
-            spacing of `times`. Torques of other forms have times of their own.
+            spacing of `times`. It has no effect on torques of other forms.
     """
     motors = len(mechanism.motor_names)
     if isinstance(torque, Trajectory):
