@@ -110,9 +110,9 @@ def make(
 def entry(
     equations: Equations, key: Quantity, checks: Checks | None = None
 ) -> list[SymbolicKernel]:
-    """The kernels of the C library that computes a quantity: one, or two for a rollout.
+    """The kernels that compute the quantity `key`: one, or two for a rollout.
 
-    Each `Quantity` is compiled to a library of its own.
+    Each `Quantity` is compiled to a library of its own, or to a module of Warp.
     """
     names: list[str] = [key.name]
     if key.name == "rollout":
