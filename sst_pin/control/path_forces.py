@@ -35,6 +35,9 @@ from .smooth_path import SmoothPath
 #: A rate w at which inertia forces are much larger than friction, as w^2 is far above w. The forces
 #: at w and -w then give b and d with at least eight of 16 digits, since w^2 = 1e8.
 _FAST = 1e4
+#: The rate w for robots with dampers of cables, in the unit of time in which w is about one. It is
+#: slow, so that taut cables stay taut at w and -w. With 16 digits, b w^2 has ten of them.
+_SLOW = 1e-3
 #: A joint counts as resting if its rate is below this fraction of the largest joint rate. 1e-8 is
 #: the square root of the rounding error: splines of the rates are not exactly zero.
 _STILL = 1e-8
@@ -197,11 +200,16 @@ def _coefficients(
 
     c = sums_at(0.0)
     a = sums_at(0.0, 1.0) - c
+    w = _FAST
+    lines = limits.chain.mechanism.lines
+    if (lines.pull_only & (lines.damping > 0)).any():
+        largest_a = np.abs(normalised(a, factors)).max()
+        w = _SLOW / max(float(np.sqrt(largest_a)), 1e-100)
     # The sums at w and -w (u = 0) have the mean c + b w^2. Half their difference is d w plus the
     # Coulomb friction of the moving joints, as inverse dynamics has no friction of joints at rest.
     # The friction of the moving joints is the mean of the least and the largest friction.
-    at_w = sums_at(_FAST)
-    at_minus_w = sums_at(-_FAST)
+    at_w = sums_at(w)
+    at_minus_w = sums_at(-w)
     b_w2 = (at_w + at_minus_w) / 2 - c
     d_w = (at_w - at_minus_w) / 2 - (dry.least + dry.largest) / 2
-    return _Coefficients(a=a, b=b_w2 / _FAST**2, c=c, d=d_w / _FAST)
+    return _Coefficients(a=a, b=b_w2 / w**2, c=c, d=d_w / w)

@@ -73,6 +73,16 @@ def test_viscous_friction_slows_a_cart_as_its_equation_says():
     assert motion.t[-1] == pytest.approx(duration, rel=CLOSE)
 
 
+def test_a_taut_cable_with_a_damper_counts_as_a_line_that_may_push():
+    times = []
+    for pulls_only in (True, False):
+        plain = cart()
+        cable = sst_pin.LineForce("foot", "eye", preload=2.0, damping=1.5, pulls_only=pulls_only)
+        chain = sst_pin.ClosedChain(plain.model, [], ["joint"], lines=[cable])
+        times.append(sst_pin.time_optimal(chain, WAY, torques=10.0).t[-1])
+    assert times[0] == pytest.approx(times[1], rel=1e-4)
+
+
 def test_rates_and_accelerations_make_a_trapezoid():
     """T = L / v + v / a."""
     L, v, a = 1.5, 0.5, 2.0
