@@ -228,7 +228,10 @@ def calibrate_with(
     measurements = list(in_order("measurements", measurements, "measurements"))
     if not measurements or not all(isinstance(each, Measurement) for each in measurements):
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")
-    counts = [measurement.count(len(chain.coordinates)) for measurement in measurements]
+    counts = []
+    for measurement in measurements:
+        counts.append(measurement.count(len(chain.coordinates)))
+        measurement.check_noise()
 
     # The measured configurations of the robot as drawn.
     q_of_measurements = []

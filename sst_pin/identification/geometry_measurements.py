@@ -126,11 +126,13 @@ class Measurement(ABC):
         if angles.ndim != 2 or not len(angles):
             expected = f"(N, {coordinates}), with a row for each value"
             raise InputError("x", f"shape {angles.shape}, expected {expected}")
-        self._check_noise()
         return len(angles)
 
-    def _check_noise(self) -> None:
-        """Refuse a noise that does not have one number for each kind of values."""
+    def check_noise(self) -> None:
+        """Refuse a noise that does not have one number for each kind of values.
+
+        The measured values must have passed `count`: their shape says how many kinds there are.
+        """
         numbers = len(self.noise) if isinstance(self.noise, tuple) else 1
         if self.noise is not None and numbers != self.number_of_kinds:
             if self.number_of_kinds == 2:

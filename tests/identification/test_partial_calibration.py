@@ -249,6 +249,9 @@ def test_wrong_measurements_are_refused():
     for noise in (1e-3, (1e-3,), (1e-3, 1e-3, 1e-3)):
         with pytest.raises(InputError, match="noise: of poses: two numbers"):
             calibrate_with(drawn, [Poses("platform", x, poses=poses, noise=noise)], which=MOTORS)
+    for bad in ([[1.0, 2.0], [3.0]], poses[:, :3, :3], poses[0, 0, 0]):  # before the noise
+        with pytest.raises(InputError, match=r"^poses: "):
+            calibrate_with(drawn, [Poses("platform", x, poses=bad, noise=1e-3)], which=MOTORS)
     for noise in ((1e-3, 1e-3), ()):
         with pytest.raises(InputError, match="expected one number"):
             calibrate_with(drawn, [Heights("platform", x, heights=z, noise=noise)], which=MOTORS)
