@@ -119,14 +119,16 @@ def _note_elements_of_tools(model: SdfModel) -> None:
             text = f"of {listed(names)} is not read"
             model.notes.append(warning(f"<{element.tag}>", text))
     for joint in joints:
+        where = f"joint {joint.get('name')}"
+        if joint.find("mimic") is not None:
+            model.notes.append(warning(where, "<mimic> is not read; put it into <axis>"))
         for part in joint.iter():
             if ":" not in part.tag or part.tag in _OF_MOTORS:
                 continue
-            if part.tag == DRAKE_MIMIC and has_one_axis(joint):  # `sdf_joints` reads it
+            if part is joint.find(DRAKE_MIMIC) and has_one_axis(joint):  # `sdf_joints` reads it
                 continue
             # Without a text, the numbers may be in attributes or elements.
             if part.attrib or len(part) or not stands_for(part.text or "", 0):
-                where = f"joint {joint.get('name')}"
                 model.notes.append(warning(where, f"<{part.tag}> is not read"))
 
 

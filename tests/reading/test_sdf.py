@@ -230,6 +230,20 @@ def test_what_a_mimic_does_not_have_is_refused(follows, told, tmp_path):
         chain_of(sdf(A, B, j_a, j_b), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("in_axis", "in_joint", "told"),
+    [
+        ('<drake:mimic joint="j_a" multiplier="2"/>', "", "joint j_b: <drake:mimic> is not read"),
+        ("", '<mimic joint="j_a"/>', "joint j_b: <mimic> is not read; put it into <axis>"),
+    ],
+)
+def test_a_mimic_in_the_wrong_place_has_a_note(in_axis, in_joint, told, tmp_path):
+    j_a = joint("j_a", "revolute", "world", "a", axis("1 0 0"))
+    j_b = joint("j_b", "revolute", "a", "b", axis("1 0 0", in_axis) + in_joint)
+    with pytest.warns(sst_pin.DescriptionWarning, match=told):
+        chain_of(sdf(A, B, j_a, j_b), tmp_path, "j_a")
+
+
 def test_a_frame_that_is_missing_is_named_once(tmp_path):
     """Several poses may be relative to it."""
     links = [link(name, "0 0 0 0 0 0", of="ghost") for name in "ab"]
