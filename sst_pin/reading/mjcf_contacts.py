@@ -89,9 +89,11 @@ def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
         if _never_touch(compiled, int(mj.geom_bodyid[a]), int(mj.geom_bodyid[b])):
             continue
         if joints[a] != joints[b]:
-            dimension = max(mj.geom_condim[a], mj.geom_condim[b])
-            larger = max(mj.geom_friction[a, 0], mj.geom_friction[b, 0])
-            yield _Pair(a, b, _friction(dimension, larger))
+            # The shape of higher priority decides; of two with the same priority, the larger value.
+            priorities = mj.geom_priority[[a, b]]
+            deciding = np.array([a, b])[priorities == priorities.max()]
+            dimension = mj.geom_condim[deciding].max()
+            yield _Pair(a, b, _friction(dimension, mj.geom_friction[deciding, 0].max()))
 
 
 def _never_touch(compiled: Compiled, a: int, b: int) -> bool:

@@ -113,3 +113,24 @@ def test_shapes_touch_where_they_touch_in_mujoco(tmp_path):
     assert len(chain.contacts) == 2
     # The frames of the spheres have the names of their bodies.
     assert {x.frame: x.friction for x in chain.contacts} == on_floor
+
+
+@pytest.mark.parametrize("priorities", [(0, 0), (1, 0), (0, 1)])
+@pytest.mark.parametrize("dimensions", [(3, 3), (1, 3), (3, 1)])
+def test_friction_is_that_of_mujoco_also_with_priorities(priorities, dimensions, tmp_path):
+    """The shape of higher priority decides; of two with the same priority, the larger value."""
+    xml = f"""<mujoco><worldbody>
+      <geom name="floor" type="plane" size="1 1 1" friction="0.3"
+            priority="{priorities[0]}" condim="{dimensions[0]}"/>
+      <body name="ball" pos="0 0 .05"><freejoint name="ball"/>
+        <geom size=".1" friction="0.8" priority="{priorities[1]}" condim="{dimensions[1]}"/></body>
+    </worldbody></mujoco>"""
+    path = tmp_path / "scene.xml"
+    path.write_text(xml)
+    chain = sst_pin.ClosedChain.from_mjcf(path, actuated=[], contacts=True)
+    mj = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(mj)
+    mujoco.mj_forward(mj, data)
+    (theirs,) = data.contact
+    (ours,) = chain.contacts
+    assert ours.friction == (theirs.friction[0] if theirs.dim > 1 else 0.0)
