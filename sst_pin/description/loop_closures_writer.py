@@ -116,24 +116,30 @@ def _link(model: pin.Model, frame: int) -> int:
 
 
 def _only_axis(chain: ClosedChain, closure: Closure) -> list[Array]:
-    """The axis in A about which the frames of a closure can rotate; empty if there are several.
+    """An axis in A, if the frames of a closure can rotate about no other one; empty if they can.
 
-    It must be the same axis at two configurations.
+    It must be the same axis at two configurations. If the frames do not rotate relative to each
+    other at all, every hinge leaves the same motions, and the axis is z.
     """
     model = chain.mechanism.model
     data = model.createData()
     q = chain.generic_configuration()
     near = chain.assemble(pin.integrate(model, q, np.full(model.nv, _STEP)), fixed=[])
     rotations = []
+    size = 0.0  # of the angular velocities of both frames
     for configuration in (q, near):
         pin.framesForwardKinematics(model, data, configuration)
         R = data.oMf[frame_id(model, closure.frame_a)].rotation
         angular_a = chain.frame_jacobian(configuration, closure.frame_a)[3:]
         angular_b = chain.frame_jacobian(configuration, closure.frame_b)[3:]
         rotations.append(R.T @ (angular_b - angular_a))
+        size += float(np.linalg.norm(angular_a) + np.linalg.norm(angular_b))
+    relative = np.hstack(rotations)
+    if np.linalg.norm(relative) <= RANK_TOLERANCE * size:  # also without degrees of freedom
+        return [np.array([0.0, 0.0, 1.0])]
     # The columns are relative angular velocities in A. All are along one axis if the matrix has
     # rank 1.
-    U, singular_values, _ = np.linalg.svd(np.hstack(rotations))
+    U, singular_values, _ = np.linalg.svd(relative)
     if singular_values[1] < RANK_TOLERANCE * singular_values[0]:
         return [U[:, 0]]
     return []

@@ -203,6 +203,22 @@ def test_what_is_written_as_loop_closures_is_read_back(tmp_path, expected):
     np.testing.assert_allclose(torques(again), expected, rtol=1e-12)
 
 
+def test_a_point_closure_of_a_structure_becomes_a_hinge(tmp_path):
+    """A ball at the end of a bar on a hinge: nothing moves, so that every hinge holds the same."""
+    model = pin.Model()
+    model.name = "bar"
+    bar = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "bar")
+    model.appendBodyToJoint(bar, pin.Inertia.Random(), pin.SE3.Identity())
+    end = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    model.addFrame(pin.Frame("A", 0, end, pin.FrameType.BODY))
+    model.addFrame(pin.Frame("B", bar, end, pin.FrameType.BODY))
+    chain = sst_pin.ClosedChain(model, [sst_pin.Closure("A", "B", "3d")], [])
+    path = tmp_path / "loop_closures.yaml"
+    sst_pin.write_loop_closures(chain, path)
+    (hinge,) = yaml.safe_load(path.read_text())["closures"]
+    assert hinge == {"link_a": "A", "link_b": "B", "point": [1, 0, 0], "axis": [0, 0, 1]}
+
+
 def test_what_loop_closures_cannot_say_is_refused_by_name(tmp_path):
     target = tmp_path / "loop_closures.yaml"
     with pytest.raises(sst_pin.DescriptionError, match="open at q = 0"):
