@@ -160,7 +160,7 @@ class WarpBatch:
         if not isinstance(parameters, wp.array):
             parameters = wp.array(parameters, dtype=self.dtype, device=self.device)
         if parameters.ndim == 1:
-            parameters = parameters.reshape((1, -1))
+            parameters = parameters.contiguous().reshape((1, -1))  # `reshape` needs contiguity
         shape = (self._symbolic_parameters.size,)
         #: Shape (N, names), or (1, names) if all robots have the same.
         self.parameters = wp.clone(self._array("parameters", parameters, shape, None))
@@ -638,11 +638,13 @@ class WarpBatch:
         if not isinstance(value, wp.array):
             if not hasattr(value, "__dlpack__"):
                 raise InputError(name, "not an array of Warp, and none that DLPack can share")
-            value = wp.from_dlpack(value)
-        wrong_count = count is not None and value.shape[0] != count
-        if value.shape[1:] != shape or wrong_count:
+            # `wp.from_dlpack` fails for an array without axes.
+            if value.shape:
+                value = wp.from_dlpack(value)
+        wrong_count = count is not None and value.shape[:1] != (count,)
+        if not value.shape or value.shape[1:] != shape or wrong_count:
             expected = ", ".join(map(str, ("N" if count is None else count, *shape)))
-            raise InputError(name, f"shape {value.shape}, expected ({expected})")
+            raise InputError(name, f"shape {tuple(value.shape)}, expected ({expected})")
         if value.dtype != dtype or value.device != self.device:
             here = f"{value.dtype.__name__} on {value.device}"
             raise InputError(name, f"{here}, expected {dtype.__name__} on {self.device}")

@@ -196,6 +196,9 @@ def test_each_robot_may_have_its_own_parameters(four_bar, device):
         batch.with_parameters(many).torques(*arrays(batch, q[:2], va[:2], aa[:2]))
     with pytest.raises(InputError, match=r"^parameters: shape \(1, 2\), expected"):
         batch.with_parameters([1.0, 2.0])
+    one_row = batch.parameters.numpy()[0] * 2
+    strided = wp.array(np.repeat(one_row, 2), dtype=wp.float64, device=device)[::2]
+    assert (batch.with_parameters(strided).parameters.numpy() == one_row).all()
 
 
 def test_arguments_are_checked(four_bar):
@@ -207,6 +210,10 @@ def test_arguments_are_checked(four_bar):
         batch.torques(q, va, va[:1])
     with pytest.raises(InputError, match=r"^aa: not an array of Warp"):
         batch.torques(q, va, [0.0, 0.0])
+    with pytest.raises(InputError, match=r"^va: shape \(\), expected \(2, 1\)"):
+        batch.torques(q, np.array(0.0), va)
+    with pytest.raises(InputError, match=r"^q: shape \(\), expected \(N, 3\)"):
+        batch.torques(np.array(0.0), va, va)
     with pytest.raises(InputError, match=r"^status: float64 on cpu, expected int32 on cpu"):
         batch.torques(q, va, va, status=np.zeros(2))
     with pytest.raises(InputError, match=r"^va: float32 on cpu, expected float64 on cpu"):
