@@ -8,7 +8,7 @@ checks that their results are finite.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from functools import cached_property, wraps
 from inspect import signature
 from typing import Any, TypeVar
@@ -41,17 +41,17 @@ def _finite(method: _Method) -> _Method:
     def checked(self: Reference, *arguments: Any, **more: Any) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # the error says it better
             result = method(self, *arguments, **more)
-        _require_finite(result, names, arguments)
+        _require_finite(result, dict(zip(names, arguments, strict=False)) | more)
         return result
 
     return checked  # type: ignore[return-value]  # it has the parameters of `method`
 
 
-def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any]) -> None:
+def _require_finite(result: Array, arguments: Mapping[str, Any]) -> None:
     """Refuse a result that is not finite; the error names the first argument that is not."""
     if np.isfinite(result).all():
         return
-    for name, array in zip(names, arguments, strict=False):
+    for name, array in arguments.items():
         if isinstance(array, np.ndarray):
             finite_array(name, array, array.shape)
     raise InputError("result", "not finite: arguments or numbers of the model are too large")
@@ -125,7 +125,7 @@ class Reference(threading.local):
                     self.context, q, va, aa, external_wrenches
                 )
                 # f is finite, so no argument is at fault, but numbers may be too large together.
-                _require_finite(np.append(tau, sizes), (), ())
+                _require_finite(np.append(tau, sizes), {})
                 self._require_supplied(unsupplied, sizes)
         return tau
 
@@ -217,10 +217,10 @@ class Reference(threading.local):
         with np.errstate(over="ignore", invalid="ignore"):
             row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances, axes)
         parts = reactions.parts_of(self.mechanism, row)
-        names = "q", "va", "aa", "tau", "external_wrenches"
         # Wrenches of joints and closures may be NaN on purpose; ground and torques may not.
         ground_and_torques = np.append(parts.ground, parts.tau)
-        _require_finite(ground_and_torques, names, (q, va, aa, tau, wrenches))
+        arguments = {"q": q, "va": va, "aa": aa, "tau": tau, "external_wrenches": wrenches}
+        _require_finite(ground_and_torques, arguments)
         return row
 
     @_finite

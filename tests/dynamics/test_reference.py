@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import sst_pin
 
@@ -48,3 +49,9 @@ def test_the_page_lists_the_files_from_the_call_to_the_dynamics():
         plain.model, plain.closures, ["crank"], viscous_friction=np.full(3, 0.1)
     )
     assert files_entered(friction) == [*names, "model/mechanism", "model/dry_friction"]
+
+
+def test_an_argument_by_name_that_is_not_finite_is_named():
+    chain = sst_pin.robots.four_bar()
+    with pytest.raises(sst_pin.InputError, match=r"^va: entry \[0\] is nan"):
+        chain.engine.reference.rates(q=chain.home, va=np.array([np.nan]))
