@@ -24,8 +24,9 @@ class LockedTree(NamedTuple):
 
     Attributes:
         model: The tree without the locked joints.
-        weight_shares: Share and offset of the weight of each body that lacks weight, by the names
-            of joints; see `weight_shares`.
+        weight_shares: For each body of which not the whole weight acts, by the name of its joint:
+            [s, d_x, d_y, d_z], the share s of its weight and its offset d, [m], as in
+            `weight_shares`.
     """
 
     model: pin.Model
@@ -44,7 +45,7 @@ def without_locked(
     Args:
         model: The tree.
         locked: Names of joints or rates, which are fixed at zero, or their positions by name.
-        weight_shares: Share and offset of bodies before, by the names of joints.
+        weight_shares: As in `LockedTree`, for the bodies of `model`.
     """
     model = copied(model)
     if list(model.mimicking_joints):
@@ -104,9 +105,8 @@ def _locked_positions(
 ) -> dict[str, dict[int, float]]:
     """The position of each locked rate, by the name of its joint and its index in the joint.
 
-    Only a single slide or a bounded turn can be locked at a given position. The name of a joint
-    with several rates would not say which rate has the position. A continuous joint has no position
-    in q, but a cosine and a sine.
+    A given position belongs to one rate: a joint with several rates has to be named by its rates.
+    A continuous joint takes no position: q has its cosine and its sine. It is locked at zero.
     """
     space = JointSpace(model)
     positions: dict[str, dict[int, float]] = {}
@@ -117,11 +117,12 @@ def _locked_positions(
         position = 0.0
         if isinstance(locked, Mapping):
             position = float(single_array("locked", locked[name], ()))
-            if len(indices) > 1 or is_continuous(joint):
-                problem = f"joint {name} has several coordinates"
-                if joint.nv > 1:
-                    problem += f"; name {', '.join(space.names_by_joint['rate'][name])}"
+            if is_continuous(joint):
+                problem = f"joint {name} is continuous: a list of names locks it, at zero"
                 raise InputError("locked", problem)
+            if len(indices) > 1:
+                rates = ", ".join(space.names_by_joint["rate"][name])
+                raise InputError("locked", f"joint {name} has several coordinates; name {rates}")
         for k in indices:
             positions.setdefault(joint_name, {})[k - joint.idx_v] = position
     return positions

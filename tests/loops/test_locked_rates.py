@@ -214,3 +214,16 @@ def test_a_door_on_two_balls_that_a_cylinder_moves_does_not_rotate_freely():
     for lines, idle in (([], ("door_wz",)), ([cylinder], ())):
         mobility = ClosedChain(model, [Closure("top", "eye", "3d")], [], lines=lines).mobility()
         assert (mobility.degrees_of_freedom, mobility.idle_joints) == (1, idle)
+
+
+@pytest.mark.parametrize(
+    ("joint", "name", "message"),
+    [
+        (pin.JointModelRUBX(), "j", "joint j is continuous: a list of names locks it, at zero"),
+        (pin.JointModelPlanar(), "j", "joint j has several coordinates; name j_vx, j_vy, j_w"),
+    ],
+)
+def test_a_joint_without_a_single_position_is_not_locked_at_one(joint, name, message):
+    model = tree(joint, np.random.default_rng(0))
+    with pytest.raises(sst_pin.InputError, match=f"^locked: {message}"):
+        without_locked(model, {name: 0.5})
