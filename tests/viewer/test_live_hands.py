@@ -131,3 +131,18 @@ def test_a_long_name_breaks_behind_an_underscore(chromium, tmp_path):
         name = page.locator("#sliders span").first
         assert name.inner_html() == "shoulder_<wbr>1"
         assert name.inner_text() == "shoulder_1"
+
+
+def test_a_drag_in_a_simulation_moves_no_pose_by_hand(chromium, tmp_path):
+    """In a frame without simulated time, as the first one, the robot stays where it is."""
+    viewer = robot_named("four_bar").show(live=True, open_browser=False)
+    with opened(chromium, viewer, tmp_path / "page.html", (600, 400)) as page:
+        before, after = page.evaluate("""() => {
+          const { robot } = live, before = Array.from(robot.q);
+          live.run(true);
+          robot.gripped({ body: 2, at: [0, 0, 0] });
+          robot.grip.target = robot.point(robot.grip).map((x) => x + 0.1);
+          live.frame(performance.now());
+          return [before, Array.from(robot.q)];
+        }""")
+        assert after == before

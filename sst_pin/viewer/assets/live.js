@@ -272,9 +272,12 @@ const live = (() => {
     const passed = lastFrame === null ? 0 : (now - lastFrame) / 1000;
     const dt = Math.min(passed, LONGEST_FRAME), before = robot.q;
     lastFrame = now;
-    if (running && dt > 0) simulate(dt);
-    else if (robot.grip?.target) reason = robot.follow();
-    moveBySpeeds(dt);
+    if (running) {
+      if (dt > 0) simulate(dt);
+    } else {
+      if (robot.grip?.target) reason = robot.follow();
+      moveBySpeeds(dt);
+    }
     if (!running && !robot.grip && robot.q === before) return;
     draw();
     frames += 1;
@@ -297,7 +300,7 @@ const live = (() => {
   // Sliders of rates move the robot by hand while they are held.
   function moveBySpeeds(dt) {
     const change = inputsOf("sliders").map((input, k) =>
-      isRate(k) && !running ? dt * Number(input.value) / 2 : 0);
+      isRate(k) ? dt * Number(input.value) / 2 : 0);
     if (change.some(Boolean)) reason = robot.move(change);
   }
 
