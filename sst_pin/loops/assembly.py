@@ -212,6 +212,11 @@ class Assembly:
             return 0.0
         return float(np.abs(f[rows]).max())
 
+    def open_rows(self, q: Array, rows: Indices) -> Indices:
+        """The indices in `rows` of the rows that are open at q by more than rounding."""
+        f = self._error(q)
+        return rows[self._is_open(q, f)[rows]]
+
     # --- Newton's method --------------------------------------------------------------------
 
     def _newton(

@@ -398,10 +398,10 @@ class _Robot:
         return rank if largest_rounding <= _RANK_GAP * smallest else None
 
     def errors(self, q: Array, part: _Part) -> Array:
-        """|f| at q in the rows of a part, [m] or [rad], and 0 in other rows, shape (rows,)."""
-        self.loops.evaluate(q)
+        """|f| at q in the open rows of a part, [m] or [rad], and 0 in other rows, shape (rows,)."""
+        open_rows = self._assembly.open_rows(q, part.rows)  # evaluates the loops at q
         errors = np.zeros(len(self.loops.f))
-        errors[part.rows] = np.abs(self.loops.f[part.rows])
+        errors[open_rows] = np.abs(self.loops.f[open_rows])
         return errors
 
     def require_closing(self, poses: Sequence[Array], part: _Part) -> None:

@@ -222,6 +222,16 @@ def test_the_error_of_an_open_loop_names_no_closed_ones():
         ClosedChain(model, chain.closures, chain.motor_names)
 
 
+def test_the_warning_of_a_correction_names_no_closed_loops():
+    """One closure of a scissor lift is a little off the plane; the others close to rounding."""
+    chain = robots.scissor_lift()
+    model = pin.Model(chain.model)
+    frame = model.frames[model.getFrameId(chain.closures[1].frame_a)]
+    frame.placement = frame.placement * at(0, 0, 1e-4)
+    _, (text,) = with_warnings(ClosedChain, model, chain.closures, chain.motor_names)
+    assert f"the loops at {chain.closures[1]} close only to 0.0001 m" in text
+
+
 @pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize(
     ("kind", "tilted"), [("3d", "coupler"), ("hinge", "crank"), ("hinge", "rocker")]
