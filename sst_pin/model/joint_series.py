@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
+from ..arrays import Array, in_one_turn
 from ..errors import InputError
 from .joint_space import kind_of
 
@@ -120,6 +120,7 @@ class PartlyLocked(Series):
         locked_turns = [k for k in self._ball_rates if k in locked]
         #: The same rates in the order of their turns in the series.
         self._turns = free_turns + locked_turns
+        self._locked = dict(locked)
         stays_ball = bool(self._ball_rates) and not locked_turns
 
         # The rates in the order of the series, without the rates of a ball that stays one joint.
@@ -159,7 +160,8 @@ class PartlyLocked(Series):
             # The rates of a ball are about x, y, z: an axis is the place of a rate among them.
             order = [self._ball_rates.index(k) for k in self._turns]
             axis = self._ball_rates.index(rate)
-            return float(_angles(q[-4:], order)[axis])
+            last = self._locked[self._turns[-1]]  # the last turn is locked at this angle
+            return float(_angles(q[-4:], order, last)[axis])
         cosine, sine = q[-2:]  # q of a planar joint ends with them
         return float(np.arctan2(sine, cosine))
 
@@ -176,10 +178,12 @@ def _single_joints(joint: Any) -> list[Any]:
     return [model() for model in _SINGLES[kind]]
 
 
-def _angles(quaternion: Array, order: Sequence[int]) -> Array:
+def _angles(quaternion: Array, order: Sequence[int], last: float) -> Array:
     """Angles about x, y, z, shape (3,), of a rotation as turns in an order of axes.
 
     The order [1, 2, 0] is y, z, x. Each turn is about the axis that the turns before it have moved.
+    Turns by a, b, c and by a + pi, pi - b, c + pi give the same rotation. The result is the triple
+    whose third angle is nearer to `last`.
     """
     from scipy.spatial.transform import Rotation
 
@@ -187,5 +191,8 @@ def _angles(quaternion: Array, order: Sequence[int]) -> Array:
     axes = "".join("XYZ"[k] for k in order)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # in gimbal lock SciPy warns and sets the last angle to 0
-        angles[list(order)] = Rotation.from_quat(quaternion).as_euler(axes)
+        a, b, c = Rotation.from_quat(quaternion).as_euler(axes)
+    if np.cos(c - last) < 0:
+        a, b, c = in_one_turn([a + np.pi, np.pi - b, c + np.pi])
+    angles[list(order)] = [a, b, c]
     return angles

@@ -66,3 +66,15 @@ def test_a_frame_on_a_joint_frame_that_is_left_out_gets_the_frame_before_it():
     tip = fixed.frames[fixed.getFrameId("tip")]
     assert fixed.frames[tip.parentFrame].name == tree.names[1]
     assert tip.parentJoint == 1
+
+
+@pytest.mark.parametrize("locked", [0.0, 0.4, 3.0])
+def test_a_ball_with_a_locked_turn_keeps_its_pose_by_more_than_a_quarter_turn(locked):
+    """SciPy's angles have the second turn within a quarter turn, and then a third of half a one."""
+    tree = any_chain.tree("spherical", [], [])
+    name = tree.names[1]
+    turns = pin.rpy.rpyToMatrix(0, 0.2, 0) @ pin.rpy.rpyToMatrix(0, 0, 2.0)
+    R = turns @ pin.rpy.rpyToMatrix(locked, 0, 0)
+    tree.referenceConfigurations["turned"] = pin.Quaternion(R).coeffs()
+    fixed = without_locked(tree, {f"{name}_wx": locked}).model
+    np.testing.assert_allclose(fixed.referenceConfigurations["turned"], [0.2, 2.0], atol=1e-12)
