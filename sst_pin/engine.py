@@ -178,7 +178,7 @@ class Engine:
     ) -> Array:
         """Motor torques of a motion, shape (..., motors)."""
         of_sample: Callable[..., Array] = self.reference.torques
-        if weights is not None:
+        if weights is not None:  # no kernel computes torques with weights
             of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
         return self._paths.under_loads(
             _key("torques"),
@@ -366,14 +366,18 @@ class Engine:
         in the coordinates, and dva are its rates va minus those of the first motion. `linearize`
         uses D.
 
-        Column k of D is -S [v, L e_k], where S selects the coordinates from the rates of all
-        joints, and [a, b] is the bracket of twists. It differs from zero only if coordinates are
-        rates whose axes turn with the body, such as those of balls. It comes from these steps:
+        In these steps S selects the coordinates from the rates of all joints, and [a, b] is the
+        bracket of twists:
 
-        - The displacement of all joints is d = L x.
+        - The displacement of all joints is d = L x. In the coordinates it is S d = x, so that
+          S d_dot = x_dot.
         - Small displacements do not commute. If the first motion has the rates v about axes of the
           body, the second one has the rates v + d_dot + [v, d].
-        - In the coordinates, their difference is dva = x_dot + S [v, L x] = x_dot - D x.
+        - In the coordinates, their difference is dva = S (d_dot + [v, d]) = x_dot + S [v, L x].
+        - So x_dot = dva - S [v, L x], and column k of D is -S [v, L e_k].
+
+        D differs from zero only if coordinates are rates whose axes turn with the body, such as
+        those of balls.
         """
         key = _key("displacement_rates")
         of_sample = self.reference.displacement_rates
@@ -399,17 +403,19 @@ class Engine:
         `vectors` has va, and then aa or tau.
         """
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
-        # `Kernel.derivatives` is `Kernel.answer` with a result of this kind. It takes no loads and
-        # no options. With them, `under_loads` asks `Kernel.answer` below.
-        ask_now = external_wrenches is None and not options
-        kernel = self.kernel(key) if ask_now else None
+        # `Kernel.derivatives` returns an object of this kind, and takes no wrenches and no options.
+        # With wrenches or options, `under_loads` below asks `Kernel.answer`, which returns the same
+        # derivatives as an array.
+        returns_object = external_wrenches is None and not options
+        kernel = self.kernel(key) if returns_object else None
         if kernel is not None:
             second, third = vectors.values()
             one_thread = 1
             answer: DerivativesT | None = kernel.derivatives(kind, q, second, third, one_thread)
             if answer is not None:
                 return answer
-        # Wrenches at frames add a term, from this slope. The slope and the inertia are computed
+        # For wrenches at frames, the derivative by q has another term: `slope` is the part of the
+        # derivative of their forces that `under_loads` leaves out. It and the inertia are computed
         # before the derivatives, because `out` may share memory with the arguments.
         slope: Array | None = None
         inertia: Array | None = None
@@ -424,7 +430,7 @@ class Engine:
             shape,
             q,
             vectors,
-            ask_kernel=not ask_now,
+            ask_kernel=not returns_object,
             external_wrenches=external_wrenches,
             **options,
         )
@@ -536,15 +542,15 @@ class Engine:
         J = self.actuator_jacobian(q, on_error=on_error)
         if self.mechanism.driven_one_to_one:
             return np.zeros((*J.shape[:-1], 0))
-        # Any basis of the directions would do. `preload_directions` chooses the basis of the first
-        # sample near to the basis at a reference: the mechanism's example, a closed configuration.
-        # If the coordinates are singular there, or there is no example, it gets None, and takes the
-        # first sample without an error as the reference.
+        # Any basis of the directions would do. The function `preload_directions` chooses the basis
+        # of the first sample near to the basis at a reference configuration. The reference is the
+        # mechanism's example, a closed configuration. If there is no example, or the coordinates
+        # are singular there, the reference is the first sample without an error.
         try:
-            regular = self.actuator_jacobian(self.loops.example())
+            J_of_reference = self.actuator_jacobian(self.loops.example())
         except (ClosureError, SingularConfigurationError):
-            regular = None
-        return preload_directions(self.mechanism, J, regular, on_error)
+            J_of_reference = None
+        return preload_directions(self.mechanism, J, J_of_reference, on_error)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines, shape (..., lines); q may have open loops."""
@@ -590,10 +596,10 @@ def _unpickled(
     mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
 ) -> Engine:
     """An engine from the parts that `Engine.__reduce__` gives."""
-    # Unpickled arrays are writable. `replace` without changes makes a part again, and then it makes
-    # its arrays read-only. The parts listed here do so; `replace(mechanism, ...)` does the same for
-    # the mechanism itself. The model is copied, because Pinocchio crashes with mimic joints that
-    # were unpickled.
+    # Unpickled arrays are writable. `replace` without changes calls the constructor of a part
+    # again, which makes the part's arrays read-only. All parts with such a constructor are in
+    # `parts`. The mechanism itself has one too, which `replace(mechanism, ...)` calls. The model is
+    # copied, because Pinocchio crashes with mimic joints that were unpickled.
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs", "lines")}
     if mechanism.weight_shares is not None:
         parts["weight_shares"] = replace(mechanism.weight_shares)
