@@ -12,9 +12,9 @@ configurations.
 A step is *regular* if all of these conditions hold:
 
 - The joints move continuously along it, without a jump to another assembly mode.
-- The condition number of the dependent joints, which are all joints but the coordinates, stays
-  below a *limit*. It is that of their columns of Phi. `CoordinateChange` sets the limit for each
-  choice of coordinates, and may raise it later.
+- The condition number of the dependent joints stays below a *limit*. The dependent joints are all
+  joints but the coordinates, and their condition number is that of their columns of Phi.
+  `CoordinateChange` sets the limit for each choice of coordinates, and may raise it later.
 - The loops can be closed at the output times within the step.
 
 Each other step is *irregular*. Its *regular part* is the longest part from its start on for which
@@ -200,6 +200,7 @@ class Integration:
             return np.inf
         robot_state = partial(self._equations_at(state).robot_state, state.y)
         sampling.go_on(state.t, robot_state)
+        # A change that differs from an output time by rounding only is moved to this time.
         return sampling.next_change(self._times)
 
     def _advance(self, state: MotionState) -> MotionState:
@@ -304,9 +305,10 @@ class Integration:
         near_singularity = self._crossing.approach is not None
         if not self._coordinate_change.should_settle(state, near_singularity=near_singularity):
             return state
-        # `should_settle` has two reasons: the robot's own coordinates are good again, or the limit
-        # is too high. During an approach only the first one counts (`near_singularity`). So no
-        # singular configuration of the mechanism is near any more, and an approach ends.
+        # `should_settle` is true for one of two reasons: the robot's own coordinates are good
+        # again, or the limit is too high. During an approach, when `near_singularity` is true, it
+        # ignores the second reason. So here the robot's own coordinates are good, no singular
+        # configuration of the mechanism is near any more, and an approach ends.
         self._crossing.give_up()
         return self._coordinate_change.settle(state)
 
@@ -314,10 +316,10 @@ class Integration:
         """The state before the irregular part of a step, in better coordinates if there are any.
 
         Better coordinates, or a higher limit of the condition number in the same coordinates, can
-        make the next steps regular. The motion ends if there is neither: `settle` keeps the
-        coordinates, and the limit is the largest one both before and after `settle`. (If it was
-        lower before, `settle` may have raised it. If it is lower after, a later call may raise it.)
-        The motion also ends if its steps become too short.
+        make the next steps regular. So the motion ends if `settle` keeps the coordinates, and the
+        limit is the largest one both before and after `settle`. A limit that was lower before may
+        have been raised by `settle`. A limit that is lower after may be raised by a later call. The
+        motion also ends if its steps become too short.
 
         An approach of a singular configuration is given up, because the way to it is irregular.
         """
