@@ -108,7 +108,8 @@ class StepControl:
         if solver.status == "failed":
             why = equations.failure or message
             raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
-        # Rejected trials come before the accepted one, so the last evaluations are its stages.
+        # `equations.evaluations` has torques and loads of the last calls. Rejected trials come
+        # before the accepted one, so the last `count` of them are the stages of the step.
         count = getattr(solver, "n_stages", _IMPLICIT_STAGES)
         return IntegratorStep(
             start=float(solver.t_old),
@@ -152,7 +153,11 @@ class StepControl:
         """The longest step from a time that misses no change of a torque or load.
 
         A step may pass one of the times of an input, but not two of them. It is also at most as
-        long as the interval of these times in which it starts.
+        long as the interval of these times in which it starts. So a step from the end of a short
+        interval is short, even if a long interval follows.
+
+        The times of an input begin at or before the first output time, and end at or after the last
+        one. So t, where a step starts, is earlier than the last of them.
         """
         longest = min(self._settings.max_step or np.inf, self._watch.longest_step(t))
         for times in self._input_times:
