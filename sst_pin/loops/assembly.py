@@ -53,8 +53,8 @@ _HALVINGS = 20
 #: Relative rounding of a number.
 _ROUNDING = float(np.finfo(float).eps)
 #: Singular values below this part of the largest count as zero; see `_shortest`. Where rows are
-#: redundant, some singular values are as small as the loops' errors. In closed loops these are at
-#: most `_ASSEMBLED`, a tenth of this number.
+#: redundant, some singular values are as small as the loops' errors. In closed loops these errors
+#: are at most `_ASSEMBLED`, a tenth of this number.
 _NO_RANK = 1e-10
 #: Loops that stay open by less are tried again with `ROUNDED_PLACEMENTS` in place of `_NO_RANK`.
 #: The errors of the placements in a loop add up, so that this is several times the error of one.
@@ -125,6 +125,8 @@ class Assembly:
             # try to satisfy all of them may lead away from the best configuration.
             q, open_rows = self._newton(start, free, bounds, ROUNDED_PLACEMENTS)
         if bounds is not None:
+            # Steps end at limits up to rounding, and this removes the rounding. It changes q too
+            # little to open the loops, so that `open_rows` remains true.
             q = bounds.clipped(q)
             # `clipped` leaves fixed joints where they are, and cannot satisfy an empty range.
             bounds.require_within(q)
@@ -159,6 +161,8 @@ class Assembly:
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
     ) -> Array:
         """The first closed configuration from q or from random starts around q, shape (nq,).
+
+        `tries` is the number of starts, at least 1; the first one is q.
 
         Raises:
             ClosureError: If no start leads to one: the error of the start with the smallest gap.
@@ -294,9 +298,9 @@ class Assembly:
             worse = [group for group in moving if not group.size(f_trial) < group.size(f)]
             if not worse:
                 return trial, f_trial, moving
-            # The largest errors that count as closed at q. q and Phi are those before the step.
-            # The positions of frames are those at the trial, where the loops are evaluated now;
-            # they are about as large.
+            # The largest errors that count as closed at q. q and Phi are those before the step,
+            # but the loops are evaluated at the trial. So the positions of their frames, which
+            # `_rounding` also needs, are those at the trial; they are about as large as at q.
             largest_closed = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
                 was_closed = (np.abs(f[group.rows]) < largest_closed[group.rows]).all()
@@ -330,7 +334,8 @@ class Assembly:
 
         - the positions of joints: q_k has the rounding `_ROUNDING` |q_k|, which changes f by
           `_ROUNDING` |Phi| |q|;
-        - the positions of the loops' frames in the world, where the loops are evaluated.
+        - the positions of the loops' frames in the world. They are those where the loops are
+          evaluated, at q or near it.
 
         Phi is free of units, at q.
         """
@@ -400,9 +405,9 @@ class Assembly:
             touched_by_closure[closure] = loops.touched[rows].any(axis=0)
             closure_of_row[rows] = closure
         groups = list[_GroupIndices]()
-        # A free rate on which no closure depends is a part without closures; a closure without a
-        # free rate is in no part. If wheels slip, closures that hold rates only have no row in
-        # `_rows`. Parts without rows are no groups.
+        # Some parts have no row in `_rows`, and are no groups. A free rate on which no closure
+        # depends is a part without closures. If wheels slip, closures that hold rates only have no
+        # row in `_rows`. (A closure that depends on no free rate is in no part.)
         for closures, columns in connected(touched_by_closure[:, free]):
             is_in_group = np.isin(closure_of_row[self._rows], closures)
             if is_in_group.any():
