@@ -36,10 +36,10 @@ this. It refuses a correction
 
 1. if the original is far from closed at a pose where the corrected part closes: the correction
    would make another robot;
-2. if the original closes at the start, and its numbers are not rounded. Short numbers, such as
-   0.25, look rounded even if they are exact;
-3. if the original moves without a correction, from a home that is closed to the rounding of floats:
-   then its short numbers are exact. With rounded placements the loops would be open at home;
+2. if the original closes at the start, and its numbers do not look rounded;
+3. if the original moves without a correction, from a home that is closed to the rounding of floats.
+   Then its numbers are exact, even if they look rounded because they are short, such as 0.25. With
+   rounded placements the loops would be open at home;
 4. if the original moves without a correction, and the displacements are larger than its rounding
    explains. The rounding is that of its numbers, or its gap at the start if this is larger.
 """
@@ -279,8 +279,9 @@ def _find_correction(
     poses_to_close = list(poses)
     total = np.zeros(6 * len(robot.places(part)))  # the sum of the displacements
     for k in range(_TRIES):
-        # The poses were found with the placements before this try, where the part may be open. Each
-        # step of `with_displacements` moves the joints too, so that the part closes.
+        # The poses were found with earlier placements: those of the file, or those of tries before
+        # this one. So the part may be open in them. Each step of `with_displacements` moves the
+        # joints too, so that the part closes.
         corrected, displacements = corrected.with_displacements(poses_to_close, part, rank)
         total += displacements
         # Random steps have other directions if their widths differ by 0.001 or more. So each try
@@ -393,6 +394,7 @@ class _Robot:
         values = np.linalg.svd(self._Phi(q, part), compute_uv=False)  # in decreasing order
         values = np.append(values, 0.0)  # so that there is a value after the last one that counts
         rank = int((values > ROUNDED_PLACEMENTS * values.max(initial=1.0)).sum())
+        # If no value counts, rounding is compared with 1, the usual size, as in the line above.
         smallest = values[rank - 1] if rank else 1.0
         largest_rounding = values[rank]
         return rank if largest_rounding <= _RANK_GAP * smallest else None
@@ -458,8 +460,8 @@ class _Robot:
                 break
             # Their shortest least-squares solution d.
             d = -np.linalg.lstsq(N_F, N_f, rcond=max(_ROUNDED, _NOISE * error))[0]
-            # The new poses are computed before the places are displaced: the equations have the
-            # effect F d of the displacement.
+            # The new poses are computed before the places are displaced. This is right, because
+            # the equations of the present places already include the displacements, as F d.
             poses = [
                 robot._followed(q, part, equations, d)
                 for q, equations in zip(poses, equations_of_poses, strict=True)
@@ -515,20 +517,21 @@ class _Robot:
             _, placement = place_of(self.mechanism.model, place)
             lengths += placement.translation.tolist()
             angles += pin.rpy.matrixToRpy(placement.rotation).tolist()
-        # There may be too few lengths to judge their digits. Most files write angles with as many
-        # digits as lengths, so that the digits of lengths are judged from all numbers together.
-        # Angles may have more digits, such as 1.5708 beside lengths with three. So they are also
-        # judged alone, and the smaller rounding counts.
-        half_digit_of_lengths = half_a_digit(np.array(lengths + angles))
-        half_digit_of_angles = min(half_digit_of_lengths, half_a_digit(np.array(angles)))
+        # Most files write angles with as many digits as lengths. So the digits of lengths are
+        # judged from all numbers together, because there may be too few lengths to judge alone.
+        # Angles may have more digits, such as 1.5708 beside lengths with three digits. So angles
+        # are also judged alone, and their rounding is the smaller one of both results.
+        half_digit_of_all = half_a_digit(np.array(lengths + angles))
+        half_digit_of_angles = min(half_digit_of_all, half_a_digit(np.array(angles)))
         gap = self.gap(self.closest(q, part.rates), part)
-        return max(half_digit_of_lengths / self._length(part), half_digit_of_angles, gap)
+        return max(half_digit_of_all / self._length(part), half_digit_of_angles, gap)
 
     def places(self, part: _Part) -> dict[str, int | None]:
         """The places that may be displaced, by their names: None for a joint, the index of a frame.
 
         They are the joints of the part, and the frames of its closures. A frame that several
-        closures use, or that has the name of a joint, is not displaced.
+        closures use is not displaced, because the closures may belong to different parts. A frame
+        with the name of a joint is not displaced either: as a place, this name is the joint.
         """
         model = self.mechanism.model
         closures = self.mechanism.closures
