@@ -111,7 +111,8 @@ class Continuity:
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism = mechanism
         self._loops = loops
-        # Joints in linear couplings only may turn by any amount.
+        # `TRAVEL` limits these joints only, on which Phi depends. For instance a motor that is only
+        # in linear couplings, such as a gear, may turn by any amount.
         self._curved = np.flatnonzero(loops.curved)
         #: The diagonal blocks, those of one shape together.
         self._blocks = diagonal_blocks(mechanism, loops)
@@ -148,7 +149,8 @@ class Continuity:
         """
         q = start
         done = 0.0  # up to this fraction the motion is continuous
-        end = max(first, _SHORTEST)  # the fraction that is tried next
+        # The fraction that is tried next. With 0, all steps would have the length zero.
+        end = max(first, _SHORTEST)
         count = 0
         while done < 1:
             if count == most_steps:
@@ -175,8 +177,11 @@ class Continuity:
     def _goes_on(self, before: Array, after: Array, limit: float) -> bool:
         """Whether the motion goes on from the configuration `before` to `after`.
 
-        It does if both are neighbours of one anchor, and the anchor and `after` are regular: then
-        all matrices between their Phi are within `CHANGE` of that of the anchor, and regular too.
+        It does if both are neighbours of one anchor, and the anchor and `after` are regular. Let D
+        be the change of Phi from the anchor. |D| is at most `CHANGE` at `before` and at `after`. So
+        it is at most `CHANGE` for all matrices between Phi of `before` and Phi of `after`, and they
+        are regular too.
+
         First the anchor of `before` is tried, which may be an earlier configuration. If `after` is
         no neighbour of it, `before` itself becomes the anchor.
 
