@@ -197,7 +197,8 @@ class StateSpace:
         q_dot_by_x = Q.dot(v_by_x)
         if not space.euclidean:
             # dQ/dx v. For constant v, Q v is a polynomial in q: linear in quaternions, and of
-            # degree two where a quaternion turns a velocity. So central differences are exact.
+            # degree two where a quaternion turns a velocity. So central differences are exact, also
+            # of long steps. `q_dot` takes quaternions as they are, so they need no unit length.
             for k, displacement in enumerate(q_by_x.T):
                 ahead = space.q_dot(q + displacement, v)
                 behind = space.q_dot(q - displacement, v)
@@ -247,9 +248,10 @@ class StateSpace:
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
         # `condition` is that of the diagonal blocks of Phi for the present coordinates, see
-        # `Continuity`. The diagonal blocks for the best ones are not known yet. So both choices are
-        # compared by the condition numbers of larger blocks, `Loops.parts`. These are the parts of
-        # Phi that share no row and no dependent rate, and are known for any coordinates.
+        # `Continuity`. The diagonal blocks for the best coordinates are not known yet, and
+        # condition numbers of different blocks cannot be compared. So both choices are compared by
+        # larger blocks, `Loops.parts`. These are the parts of Phi that share no row and no
+        # dependent rate, and are known for any coordinates.
         parts = self._reference.context.loops.parts
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))

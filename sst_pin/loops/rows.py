@@ -85,7 +85,8 @@ class FrameRows:
         """Twists of B and A, shape (2, 6), from the twists of all rates, shape (rates, 6).
 
         The twist of a frame is the sum of the twists of all rates that move it. Rates that move
-        both frames count too: they turn the wrenches W, whose rate is computed from these twists.
+        both frames count too: they turn the wrenches W. `Loops` computes the rate of W, and so that
+        of Phi, from these twists.
         """
         return self._moves.dot(twists_of_rates)
 
@@ -119,7 +120,7 @@ class ExtendedRodRow(FrameRows):
         joints = [model.joints[joint_id(model, name)] for name in rod.joints]
         self._entries = [joint.idx_q for joint in joints]
         self._rates = [joint.idx_v for joint in joints]
-        self.touched = self.touched.copy()
+        self.touched = self.touched.copy()  # `curved` is the same array, and stays as it is
         self.touched[self._rates] = True
 
     def error(self, pair: FramePair, q: Array) -> Array:
