@@ -1,20 +1,32 @@
 /* Steps with constant torques: the classical Runge-Kutta method, then Newton's method onto the
  * closures, as in driver.h. A step that may leave the assembly mode makes the sample bad. Between
  * two modes, and near a singularity, det Phi_u changes much. So a step is sound only if det Phi_u
- * changes little from its start to its middle, and from its middle to its end. */
+ * changes little from its start to its middle, and from its middle to its end.
+ *
+ * RUN is the head of the function that computes sample i. It and all helpers are in warp.h. Its
+ * arguments are the arrays of Warp with all samples (q, va, last = tau, p, out, va_out, status), and
+ * `steps` steps of length h. warp_code.py fills the blanks. A `number` is a float or a double, and
+ * in Warp a `real` is the same: a thread computes one sample. Two generated kernels are called:
+ *
+ * - ${name}: from x = (q, va, tau, wrenches) to y: the rates of q and va, then its checks;
+ * - ${close}: from q, the first numbers of x, to y: q after one step of Newton's method, det Phi_u
+ *   before this step, a number for other callers, then its checks. The first check is that of
+ *   closed loops. */
 RUN
 {
-    /* sizes of q, of the results of ${name}, and of the results of ${close} */
+    /* sizes of q, of a state (q, va), and of the results of ${close} without its checks */
     const int nq = ${q}, states = ${outputs}, outputs = nq + 2;
     const number units[] = {${units}};
     const parameters own = column(p, i);
     real x[${inputs}], y[${y_size}], start[states], end[states];
+    /* read the inputs of sample i into x */
     ${takes}
     ${close}(x, own, y);
-    real det = y[nq];
+    real det = y[nq]; /* at the start of the step */
     int bad = judge_numbers(x, nq, ${inputs});
     for (int s = 0; s < steps && !bad; s++) {
-        /* the Runge-Kutta method; `end` becomes the state at the end, with open loops */
+        /* The Runge-Kutta method; `end` becomes the state at the end, with open loops. The x after
+         * the last stage is not used. */
         for (int j = 0; j < states; j++)
             end[j] = start[j] = x[j];
 #pragma unroll 1
@@ -30,10 +42,12 @@ RUN
             }
         }
 
-        /* Newton's method. Call 0 makes one step from the middle; calls 1, 2, 3 close the loops at
-         * the end. They share a loop, so that the code of the kernel, which is long, stands here
-         * once. The kernel returns det Phi_u before its step: call 0 compares the middle with the
-         * start, call 1 compares the end with the middle. */
+        /* Newton's method. Call 0 is for det Phi_u in the middle, which is compared with that at
+         * the start. Its step is not used: only its length is, which must be short, so that the
+         * middle is close to a closed configuration. Calls 1, 2, 3 close the loops at the end. Call
+         * 1 compares det Phi_u at the end with that in the middle; calls 2, 3 only refine `det`
+         * for the next step. All share a loop, so that the code of the kernel, which is long,
+         * stands here once. */
         real left = 1; /* length of the last step of Newton's method from the end */
         int sound = 1;
         for (int j = 0; j < states; j++)
@@ -43,7 +57,7 @@ RUN
             ${close}(x, own, y);
             const real ratio = y[nq] / det, length = distance_between(nq, units, x, y);
             const int changes_little = ratio * ${change} > 1 && ratio < ${change};
-            det = y[nq];
+            det = y[nq]; /* before the step of this call */
             if (call == 0)
                 sound = changes_little && length < ${nearby};
             if (call == 1)
@@ -53,6 +67,7 @@ RUN
             for (int j = 0; j < nq; j++)
                 x[j] = call == 0 ? end[j] : y[j];
         }
+        /* x is closed now, up to rounding; `end` is still the end with open loops */
         const real length = distance_between(nq, units, start, x);
         const real correction = distance_between(nq, units, end, x);
         sound = sound && length <= ${travel} && correction <= ${bend} * length + ${tolerance};
