@@ -8,7 +8,8 @@
  *     run_by_directions   a kernel that computes a matrix for one direction after the other
  *     roll                rollouts
  *
- * The files real.h (`real`, `mask`, LANES) and distances.h come before this one. */
+ * Two files come before this one: distances.h, and real.h with `real`, `mask`, LANES, LANE,
+ * `choose`, `some`, N and LARGEST_ANGLE. */
 #include <stddef.h>
 #include <string.h>
 
@@ -172,7 +173,7 @@ INLINE int compute_pass(const direction_pass *g, const double *x, const double *
     mask good = (real){0} == 0.0; /* in all lanes */
     for (int first = 0; first < g->count; first += LANES) {
         const int lanes = g->count - first < LANES ? g->count - first : LANES;
-        real d[g->count];
+        real d[g->count]; /* zero in lanes without a column: their results are zero, checks pass */
         for (int j = 0; j < g->count; j++)
             for (int l = 0; l < LANES; l++)
                 LANE(d[j], l) = j == first + l;
@@ -192,7 +193,7 @@ INLINE int compute_pass(const direction_pass *g, const double *x, const double *
 INLINE void solve(
     const directional_kernel *f, const double *inverses, const double *L, double *matrix)
 {
-    real x[f->rank]; /* its rows are those of L */
+    real x[f->rank]; /* its rows are those of L; lanes without a column are not read */
     for (int first = 0; first < f->width; first += LANES) {
         const int lanes = f->width - first < LANES ? f->width - first : LANES;
         for (int i = 0; i < f->rank; i++)
@@ -359,7 +360,8 @@ INLINE void runge_kutta(const stepper *f, real *x, real *y, real *start, real *e
         x[j] = end[j];
 }
 
-/* Newton's method onto the closures from q in x, in each lane until it ends. Returns det Phi_u. */
+/* Newton's method onto the closures from q in x, in each lane until it ends. Returns det Phi_u
+ * before the last step of each lane, which is at most LAST_STEP long where the loops close. */
 INLINE real close_loops(const stepper *f, real *x, const double *p, real *y)
 {
     real det = {0};
@@ -396,7 +398,7 @@ INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
     return det;
 }
 
-/* The lanes where det Phi_u changes by less than the factor `change`, or more than 1 / change. */
+/* The lanes where det Phi_u changes little: to / from is between 1 / change and `change`. */
 INLINE mask changes_little(const stepper *f, real from, real to)
 {
     const real ratio = to / from, least = (real){0} + 1 / f->change;

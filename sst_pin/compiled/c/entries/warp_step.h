@@ -3,10 +3,10 @@
  * two modes, and near a singularity, det Phi_u changes much. So a step is sound only if det Phi_u
  * changes little from its start to its middle, and from its middle to its end.
  *
- * RUN is the head of the function that computes sample i. It and all helpers are in warp.h. Its
- * arguments are the arrays of Warp with all samples (q, va, last = tau, p, out, va_out, status), and
- * `steps` steps of length h. warp_code.py fills the blanks. A `number` is a float or a double, and
- * in Warp a `real` is the same: a thread computes one sample. Two generated kernels are called:
+ * RUN, of warp.h, is the head of the function that computes sample i. Its arguments are Warp's
+ * arrays of all samples (q, va, `last` with tau, p, out, va_out, status), and the number `steps` of
+ * steps of length h. warp_code.py fills the blanks. A `number` is a float or a double, and in Warp
+ * a `real` is the same: a thread computes one sample. Two generated kernels are called:
  *
  * - ${name}: from x = (q, va, tau, wrenches) to y: the rates of q and va, then its checks;
  * - ${close}: from q, the first numbers of x, to y: q after one step of Newton's method, det Phi_u
