@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The reference path: single samples by Pinocchio and NumPy, in any number of threads.
 
-`Reference` has a method for each quantity of an engine. It calls the functions of this room and
-checks that their results are finite.
+`Reference` has a method for each quantity of an engine. It calls the functions of this room.
+Methods with the decorator `_finite` check that their results are finite. The others check by
+themselves, or compute what depends on q alone: closed loops and valid unit vectors make it finite.
 """
 
 from __future__ import annotations
@@ -193,10 +194,11 @@ class Reference(threading.local):
         return self.derivatives.accelerations(sign_width, q, va, tau, external_wrenches)
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
-        """Rates at which moving joint axes change displacements of the coordinates, shape (n, n).
+        """Rates of displacements of the coordinates that are due to moving joint axes, (n, n).
 
-        Column k belongs to a displacement along coordinate k. It is zero unless a joint has axes
-        that move with it, such as a ball; see `Derivatives.displacement_rates`.
+        A joint such as a ball has axes that move with it, so that a displacement with constant
+        components changes. Column k has the rates for the displacement along coordinate k. It is
+        zero if no joint has such axes; see `Derivatives.displacement_rates`.
         """
         return self.derivatives.displacement_rates(q, va)
 
@@ -210,9 +212,12 @@ class Reference(threading.local):
         compliances: Array | None = None,
         axes: Array | None = None,
     ) -> Array:
-        """Wrenches of joints, closures and ground, torques and codes, see `reactions.reactions`.
+        """Wrenches of joints, closures and ground, motor torques and codes, in one row.
 
-        They are in one row, which `reactions.parts_of` splits.
+        `reactions.parts_of` splits the row. The code of a joint or closure says which components of
+        its wrench are not unique. `compliances`, shape (r + closures, 6), determine such components
+        in an elastic robot. `axes`, shape (3, 3), are those in which wrenches are written; see
+        `reactions.reactions`.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances, axes)
@@ -296,8 +301,11 @@ class Reference(threading.local):
         Phi_dot = loops.Phi_dot(v)
         L_dot = complement.L_dot(Phi_dot)
         # At some poses of a robot with redundant rows, it can have rates but no accelerations, and
-        # L_dot has no meaning. So v_dot = L_dot va, for aa = 0, must satisfy Eq. (8).
-        complement.require_accelerations(v, L_dot.dot(va), Phi_dot.dot(v))
+        # L_dot has no meaning. So v_dot = L aa + L_dot va with aa = 0 must satisfy Eq. (8),
+        # Phi v_dot + Phi_dot v = 0.
+        v_dot = L_dot.dot(va)
+        drift = Phi_dot.dot(v)
+        complement.require_accelerations(v, v_dot, drift)
         return loops.frame_jacobian_rate(frame, v).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
 
     @_finite
@@ -328,6 +336,7 @@ class Reference(threading.local):
 
     def line_lengths(self, q: Array) -> Array:
         """Lengths of the lines, shape (lines,)."""
+        # Other methods compute L at q, or take rates v that were computed at q: L needs a valid q.
         self.mechanism.space.require_on_manifold(q)
         return self.context.lines.lengths(q)
 
@@ -349,7 +358,7 @@ class Reference(threading.local):
         """
         context = self.context
         springs = self.mechanism.springs
-        self.mechanism.space.require_on_manifold(q)
+        self.mechanism.space.require_on_manifold(q)  # as in `line_lengths`
         context.loops.evaluate(q)
         model = self.mechanism.model
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
