@@ -7,13 +7,15 @@ Phi_u are the columns of Phi for the dependent rates. It is factorised on three 
 2. A component is mostly eliminated (`Factors`), with some of its rows: those that get pivots. If
    each choice of rows is singular at some configuration, as for the Bennett linkage, it is
    factorised with all of its independent rows (`Orthogonal`).
-3. An eliminated component falls into *blocks*: loops that are solved one after the other. A block
-   can contain rates of blocks before it. If this takes many operations, `shared_links` adds
-   *auxiliary unknowns*, and for each of them a row that defines it.
+3. An eliminated component falls into *blocks*: loops that are solved one after the other. The rows
+   of a block can contain rates of blocks before it. If the products with these rates take many
+   operations, `shared_links` adds *auxiliary unknowns*: entries of the twist of a link that blocks
+   share. It also adds a row for each of them: its definition.
 
-`LoopFactors.pivots` does all of this. Where numbers of Phi_u are compared, each row is multiplied
-by its scale (`Mechanism.row_scale`) and each column by its unit (`Mechanism.rate_scale`), so that
-they are free of units.
+`LoopFactors.pivots` does all of this. Where numbers of different columns of Phi_u are compared,
+each row is multiplied by its scale (`Mechanism.row_scale`) and each column by its unit
+(`Mechanism.rate_scale`), so that they are free of units. `pivot_order` compares numbers within a
+column, which needs the scales of the rows only.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -47,8 +49,9 @@ class Pivots(NamedTuple):
     """Phi_u, factorised, and the sizes of its pivots."""
 
     factors: Blocks
-    #: For each entry of `factors.parts`: the largest size of each pivot in the samples. For an
-    #: `Orthogonal`, the largest of each of its `squares`.
+    #: For each entry of `factors.parts`, which are the blocks that define no auxiliary unknown: the
+    #: largest size of each pivot in the samples. For an `Orthogonal`, the largest of each of its
+    #: `squares`.
     sizes: list[Array]
     #: |det Phi_u| of the rows with pivots, free of units. An `Orthogonal` contributes the product
     #: of its singular values.
@@ -62,7 +65,7 @@ class _Component(NamedTuple):
 
     #: Entries of its rows, by row and column, with the rows that define auxiliary unknowns.
     entries: Mapping[int, Sparse]
-    #: Its blocks in the order of solution.
+    #: Its blocks in the order of solution, with those that define auxiliary unknowns.
     sequence: Sequence[Block]
     #: As in `Pivots`, for each block that defines no auxiliary unknown.
     sizes: list[Array]
@@ -104,11 +107,12 @@ class LoopFactors:
             if scales:
                 component = self._orthogonal_component(scales, columns)
             else:
-                # Auxiliary unknowns get indices of rows and columns that nothing has yet. Each of
-                # those before has a row in `entries`, so there are at most len(entries) of them.
-                used = len(entries)
+                # Auxiliary unknowns get indices of rows and columns that nothing has yet. Each
+                # auxiliary unknown of a component before has a row in `entries`. So there are at
+                # most len(entries) of them, and indices may be skipped.
+                most_used = len(entries)
                 first_auxiliary = FirstIndices(
-                    row=len(self._rows) + used, column=self._mechanism.model.nv + used
+                    row=len(self._rows) + most_used, column=self._mechanism.model.nv + most_used
                 )
                 component = self._eliminated_component(
                     pattern, values, rows, columns, first_auxiliary
@@ -118,6 +122,7 @@ class LoopFactors:
             sizes += component.sizes
         factors = Blocks(entries, sequence)
         units = self._mechanism.rate_scale[self._dependent]
+        # `factors.rows` are rows of Phi: those of auxiliary unknowns are not among them.
         norms = np.linalg.norm(values[:, factors.rows] * units, axis=(1, 2))
         return Pivots(factors, sizes, self._determinant(factors), float(norms.max(initial=0.0)))
 
@@ -146,8 +151,8 @@ class LoopFactors:
         In one sample, as many rows are independent as there are columns; the other rows are linear
         combinations of them. If the coefficients are the same in all samples, the same rows can be
         left out everywhere. Then the matrix of all samples side by side, shape
-        (rows, samples * columns), has no more independent rows than one sample. If it has more, no
-        choice of rows is regular everywhere.
+        (rows, samples * columns), has no more independent rows than one sample. If it has more, the
+        combinations change with q, and each choice of rows may be singular somewhere.
 
         Args:
             values: Phi_u in the samples, of `_Phi_u_at_samples`.
@@ -179,7 +184,8 @@ class LoopFactors:
 
         Args:
             pattern: Which entries of Phi_u may differ from zero.
-            values: Phi_u in the samples.
+            values: Phi_u in the samples, of `_Phi_u_at_samples`: with the scales of the rows,
+                without the units of the columns.
             rows: Rows of the component.
             columns: Columns of the component, among the dependent rates.
             first_auxiliary: Indices of the first auxiliary unknown, if there is one.
