@@ -84,9 +84,9 @@ class _Probe(NamedTuple):
     """The probe vector s of residuals A x - b, and s^T A.
 
     The entries of s are random signs times the scales that make rows of A free of units, divided by
-    `unit`, which is one of these scales. `_large_residual` divides the bound by `unit` too, so that
-    the check is the same for any `unit`. With this one, the entries are 1 or -1 if all scales are
-    equal, and products with them cost nothing.
+    `unit`, which is the first of these scales. So the entries are 1 or -1 if all scales are equal,
+    and products with them cost nothing. The division changes no check, because the bound of s . r
+    is divided by `unit` too.
 
     There are two systems:
 
@@ -106,14 +106,8 @@ class Checks:
     """Checks of one robot's kernels.
 
     A kernel returns `of_state` and the checks of its quantity. Members return lists of checks. A
-    list is empty if there is nothing to check, for instance if a robot has no redundant rows:
-
-    - members `of_...` and `massless`: all checks of one part of a computation;
-    - `unsolved` and `unbalanced`: the check of one linear solution;
-    - `redundant_in_accelerations` and `unsupplied`: checks of what a linear solution leaves out.
-
-    Two members return a single expression instead: `small_pivots`, which is a check of `of_state`,
-    and `unit_lengths`, a term of its first check.
+    list is empty if there is nothing to check, for instance if a robot has no redundant rows. Only
+    `small_pivots` and `unit_lengths` return a single expression.
 
     Args:
         equations: The equations of the robot.
@@ -175,7 +169,8 @@ class Checks:
 
         A pivot is too small if it is less than 1/1000 of `size`, its largest one at the sample
         configurations. `pivot_check` of a part returns the sum of (size / (1000 pivot))^2 over its
-        pivots. In an `Orthogonal`, a pivot is a squared length, so 1000 is squared too.
+        pivots. An `Orthogonal` has squared lengths in the place of pivots: a length less than
+        1/1000 of its largest one has a square less than 1/1000^2, so 1000 is squared there.
         """
         e = self._equations
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
@@ -277,9 +272,9 @@ class Checks:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
 
         Only rows with entries that elimination changes are checked: in the others no entry can
-        grow. Rows of an `Orthogonal` are not among them, because no entry of it grows. The bound
-        takes |x_u| of the dependent rates as |x|: the other rates are known, and x_u solves a
-        system with the matrix Phi_u.
+        grow. Rows of an `Orthogonal` are not among them, because no entry of it grows. The residual
+        takes all of x. The bound takes only its dependent rates x_u as |x|: the other rates are
+        known, and x_u solves a system with the matrix Phi_u.
         """
         scale = self._rate_scale
         sizes = [x[j] / scale[j] for j in self._dependent if j in x]
@@ -427,10 +422,11 @@ class Checks:
 
         All must be positive, and the pivot of coordinate k must be larger than
 
-            rounding A_kk + WITHOUT_MASS I |L e_k|^2,
+            ROUNDING A_kk + WITHOUT_MASS I |L e_k|^2,
 
-        with the inertia I of the whole robot. I |L e_k|^2 is the inertia that the coordinate would
-        have if all bodies moved as the joints do at its unit rate.
+        with the inertia I of the whole robot. In single precision, ROUNDING is multiplied by
+        `_coarseness`. I |L e_k|^2 is the inertia that the coordinate would have if all bodies moved
+        as the joints do at its unit rate.
 
         The factors have the inverses of the pivots and the entries A_kk. Both are in the order of
         the coordinates, as the columns L e_k are. The first check refuses negative pivots. A
