@@ -292,8 +292,8 @@ class WarpBatch:
                 raise InputError("motor_positions", problem)
             return self._nonsmooth_step(
                 inputs={"q": q, "va": va, "tau": tau},
-                held=motor_positions,
-                start=state.impulses if isinstance(state, NonsmoothState) else None,
+                motor_positions=motor_positions,
+                impulses=state.impulses if isinstance(state, NonsmoothState) else None,
                 gains=gains,
                 h=h,
                 steps=steps,
@@ -332,10 +332,12 @@ class WarpBatch:
         # Steps need the accelerations.
         if problem := impossible(mechanism, "accelerations" if name == "rollout" else name):
             raise CompilationError(problem)
+        # The template of the function `run`, see `warp_code.module`.
         template = {"rollout": "step", "closing": "close"}.get(name, "run")
         is_derivative = name.endswith("derivatives")
         if is_derivative:
-            # By directions of the coordinates: this code is shorter than that of whole matrices.
+            # The kernel computes the columns of the matrices for one coordinate after the other:
+            # this code is shorter than that of whole matrices.
             key = key._replace(along=True)
             template = "along"
 
@@ -346,7 +348,8 @@ class WarpBatch:
 
         content = fingerprint(mechanism, self._symbolic_parameters, self._near, key.frame)
         label = f"warp {key} {self._style.dtype}"
-        return _imported(libraries.text(mechanism.model.name, label, content, source))
+        path = libraries.text(mechanism.model.name, label, content, source)
+        return _imported(path)
 
     def _generated_nonsmooth_module(self, loaded: bool) -> ModuleType:
         """The module of nonsmooth steps, from the cache or generated now."""
@@ -363,7 +366,8 @@ class WarpBatch:
         symbolic = self._symbolic_parameters
         content = fingerprint(mechanism, symbolic, self._near, rows=self._rows)
         label = f"warp nonsmooth{'_loaded' if loaded else ''} {self._style.dtype}"
-        return _imported(libraries.text(mechanism.model.name, label, content, source))
+        path = libraries.text(mechanism.model.name, label, content, source)
+        return _imported(path)
 
     def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
         """The equations with or without external wrenches, with friction that is smooth or not."""
@@ -401,7 +405,7 @@ class WarpBatch:
         self,
         key: Quantity,
         inputs: dict[str, Any],
-        outputs: dict[str, "_Output"],
+        outputs: dict[str, "_Output"],  # defined at the end of this module
         *,
         external_wrenches: Any = None,
         status: Any = None,
@@ -446,8 +450,8 @@ class WarpBatch:
         self,
         *,
         inputs: dict[str, Any],
-        held: Any,
-        start: Any,
+        motor_positions: Any,
+        impulses: Any,
         gains: MotorGains,
         h: float,
         steps: int,
@@ -458,15 +462,15 @@ class WarpBatch:
     ) -> NonsmoothState:
         """Launch the kernel of nonsmooth steps of length h.
 
-        `inputs` are q, va and tau. `held` are the positions that the motors hold, and `start` the
-        impulses from which the solver starts; both may be None. The other arguments are those of
-        `step`.
+        `inputs` are q, va and tau. `impulses` are those from which the solver starts, None for a
+        step that begins a motion. `motor_positions` may be None, too. The other arguments are those
+        of `step`.
         """
         _require_on_bodies(external_wrenches)
         optional = {
             kernels.WRENCHES: external_wrenches,
-            "motor_positions": held,
-            "impulses": start,
+            "motor_positions": motor_positions,
+            "impulses": impulses,
         }
         arrays, count = self._input_arrays(
             inputs | {name: value for name, value in optional.items() if value is not None}
@@ -484,6 +488,7 @@ class WarpBatch:
             size = math.prod(self._shape(name))
             output_arguments[argument] = array.reshape((count, size)) if size else None
         module = self.nonsmooth_module(loaded=external_wrenches is not None)
+        # By the names of the kernel's arguments, which `warp_code.NONSMOOTH` explains.
         arguments = output_arguments | {
             "q": arrays["q"],
             "va": arrays["va"],
@@ -496,7 +501,7 @@ class WarpBatch:
             "h": h,
             "steps": steps,
             "series": iterations,
-            "violation": FRESH if start is None else CONTINUED,
+            "violation": FRESH if impulses is None else CONTINUED,
             "status": status,
         }
         self._launch(module, count, arguments, warp_code.NONSMOOTH)
@@ -533,7 +538,10 @@ class WarpBatch:
 
     @cached_property
     def _rows(self) -> NonsmoothRows:
-        """The rows of nonsmooth steps, without gains of motors."""
+        """The rows of nonsmooth steps, without gains of motors.
+
+        Gains change numbers of the steps (`_numbers_of_steps`), but neither the code nor the rows.
+        """
         return NonsmoothRows(self._mechanism, motor_gains(None, None, self._mechanism.motor_count))
 
     def _numbers_of_steps(self, gains: MotorGains) -> Any:
@@ -577,7 +585,7 @@ class WarpBatch:
 
     def _nonsmooth_shape(self, name: str) -> tuple[int, ...]:
         """Shape of a result of nonsmooth steps of one sample, by its name."""
-        parts = self._rows.parts
+        parts = self._rows.parts  # the rows of cables follow those of ropes
         shapes: dict[str, tuple[int, ...]] = {
             "contact_forces": (len(self._mechanism.contacts.points), 3),
             "tensions": (parts.cables.stop - parts.ropes.start,),
@@ -678,7 +686,7 @@ def _caller_arrays(fields: Sequence[str], out: tuple[Any, ...] | None) -> Sequen
 
 @cache
 def _imported(path: Path) -> ModuleType:
-    """The module of Warp's kernels in a file of the cache, which `libraries.text` named."""
+    """The module of Warp's kernels in a file of the cache; `libraries.text` returns its path."""
     robot, kernel, key, _ = path.name.rsplit(".", 3)  # ".py" is the last part
     name = f"{robot}_{kernel}_{key[:8]}"
     module = sys.modules[name] = ModuleType(name)
