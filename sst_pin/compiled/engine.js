@@ -7,8 +7,9 @@
 //   with contacts or ropes makes the steps with impulses of nonsmooth.js instead.
 //
 // `functions` are the kernels of page_code.py, `data` is from live_data.py. Positions without units
-// are angles in radians, and lengths relative to the length of the robot. Times scale with a fall:
-// the robot falls from rest by its length, under its gravity.
+// are angles in radians, and lengths relative to the length of the robot. Some times are relative
+// to `fallTime` = sqrt(length of the robot / gravity), and some speeds to length / fallTime. A fall
+// from rest by this length takes sqrt(2) fallTime.
 function engine(functions, data) {
   "use strict";
 
@@ -20,7 +21,7 @@ function engine(functions, data) {
   const DET_CHANGE = 3; // largest factor of det Phi_u in a step; its sign changes at a singularity
   const FOLLOW_STEP = 0.1; // longest change of a coordinate in one frame, without units
   const FOLLOW_DAMPING = 0.05; // of the least squares, in robot lengths
-  // Sets of coordinates and pivots. A check of small pivots is less for larger pivots.
+  // Sets of coordinates and pivots. The check `smallPivots` is large if a pivot is small.
   const GOOD_PIVOTS = 1e-3; // the robot's own coordinates are taken up to this check
   const BETTER_PIVOTS = 16; // another set is chosen if its check is smaller by this factor
   // Steps in time.
@@ -29,28 +30,33 @@ function engine(functions, data) {
   const SHORTEST_STEP = 1e-7; // [s]
   const END = 1e-12; // a rest of time up to this is rounding, [s]
   const HOLD_FREQUENCY = 12; // of the coordinates with "hold", critically damped, [rad/s]
-  const STOP_FREQUENCY = 20; // of the spring of a stop, relative to 1 / time of a fall
+  const STOP_FREQUENCY = 20; // of the spring of a stop, relative to 1 / fallTime
   const STOP_BUFFER = 0.005; // distance from a limit at which its spring begins, without units
   // Width of Coulomb friction that has none, [rad/s]: an integrator cannot pass its jump.
   const SMOOTH = 0.01;
   const SIGN_WIDTH = 3; // index of this width in the symbolic parameters
   // Steps with impulses.
-  const LONGEST_STEP = 5e-3; // in times of a fall
+  const LONGEST_STEP = 5e-3; // relative to fallTime
   const BEND = 0.25; // largest correction of q that closes the loops, relative to the step
-  const RISE = 0.1; // speed that lifts a point which starts below its ground, in speeds of a fall
+  // Speed that lifts a point which starts below its ground, relative to length / fallTime.
+  const RISE = 0.1;
   // Of motors with "hold", in robot weights at the robot's length per rad.
   const HOLD_STIFFNESS = 20;
-  const HOLD_DAMPING = 0.3; // damping over stiffness, in times of a fall
+  const HOLD_DAMPING = 0.3; // damping over stiffness, relative to fallTime
   // The hand.
   const PUSH_TIME = 0.1; // [s]
   const HAND_DAMPING = 0.7; // relative to the critical damping
+  // Stiffness of the hand's spring per mass: relative to gravity / length, and at least, [1/s^2]. A
+  // mass that hangs on it at rest is then 1/10 of the robot's length below the hand, or less.
+  const HAND_STIFFNESS = 10;
+  const LEAST_HAND_STIFFNESS = 150;
 
   const SINGULAR = "the simulation stopped close to a singularity";
   const TOO_SHORT = `${SINGULAR}, where its steps became too short`;
 
   const nq = data.q.length, n = data.coordinates.length, motors = data.motors.names.length;
   const gravity = data.fall; // [m/s^2]
-  const fall = Math.sqrt(data.size / gravity); // time of a fall, [s]
+  const fallTime = Math.sqrt(data.size / gravity); // [s]
   const scale = data.coordinates.map((each) => each.scale); // units of the coordinates
   const zeros = (size) => new Array(size).fill(0);
   const unitVector = (size, k) => Array.from({ length: size }, (_, j) => Number(j === k));
@@ -64,7 +70,9 @@ function engine(functions, data) {
 
   // A kernel as a function of its input arrays. It returns an array of its outputs, then its
   // checks; the next call overwrites this array. `signWidth` is the width of Coulomb friction that
-  // has none.
+  // has none. A kernel consists of functions: `constants(p)` computes what depends on the robot's
+  // numbers alone, and the `parts`, one after the other, compute the rest. `size` is the length of
+  // p, which holds the numbers and these constants, and `room` that of the workspace w.
   function bind({ inputs, output, checks, size, room, constants, parts }, signWidth) {
     const x = new Float64Array(inputs.reduce((sum, count) => sum + count, 0));
     const p = new Float64Array(size);
@@ -103,7 +111,8 @@ function engine(functions, data) {
   }));
   const own = sets[0];
   // The steps with impulses, for a robot with contacts or ropes.
-  const impulsive = functions.nonsmooth && nonsmooth(functions.nonsmooth, RISE * data.size / fall);
+  const rise = RISE * data.size / fallTime; // [m/s]
+  const impulsive = functions.nonsmooth && nonsmooth(functions.nonsmooth, rise);
 
   // One step of Newton's method onto the closures, with the coordinates of a set held: `next` is q
   // after it. The others are of q before it: det Phi_u (Phi_u are the columns of Phi for the
@@ -140,7 +149,9 @@ function engine(functions, data) {
   // `way` says how the motors are driven: "none"; "hold", which holds the coordinates; or
   // "sliders", which set `efforts`. A grip is a hand at the point `at` of a body, in the axes of
   // the body. If it has a `target`, a spring pulls the point there; else it pushes with a `force`,
-  // `until` some time. `gripped` says what its `mass` and `pull` are.
+  // `until` some time. `gripped` says what its `mass` and `pull` are. `unsolved` says whether the
+  // last step with impulses was not solved. Constants at the end of this file: `holds` says whether
+  // the motors can hold a pose, `keepsMotors` whether they can be driven by "hold".
   const robot = {
     q: data.q.slice(),
     va: data.va.slice(),
@@ -149,6 +160,7 @@ function engine(functions, data) {
     efforts: zeros(motors),
     grip: null,
     contactForces: [],
+    unsolved: false,
   };
 
   // Go back to the first state; `start` has to be called next.
@@ -188,8 +200,8 @@ function engine(functions, data) {
   }
 
   // Condition number of some columns of Phi, which is stored row by row, from the eigenvalues of
-  // their Gram matrix. `size` is the usual largest singular value: a part with a single column is
-  // compared with it.
+  // their Gram matrix. No checks follow Phi in its array. `size` is the usual largest singular
+  // value: a part with a single column is compared with it.
   function conditionOf(Phi, columns, size) {
     const product = (i, j) => { // of columns i and j
       let sum = 0;
@@ -472,10 +484,13 @@ function engine(functions, data) {
       return J.reduce((sum, c, k) => sum + c[i] * (pushed[k] - free[k]), 0);
     });
     const mass = 1 / Math.max(...responses, 1e-9);
-    robot.grip = { ...grip, mass, pull: Math.sqrt(Math.max(150, 10 * gravity / data.size)) };
+    const relative = HAND_STIFFNESS * gravity / data.size;
+    const stiffness = Math.max(LEAST_HAND_STIFFNESS, relative); // per mass
+    robot.grip = { ...grip, mass, pull: Math.sqrt(stiffness) };
   }
 
-  // Push along a ray, a unit vector. The push gives the gripped mass the speed of a fall.
+  // Push along a ray, a unit vector. The push gives the gripped mass the speed length / fallTime,
+  // which is sqrt(gravity * length).
   function push(ray) {
     const size = robot.grip.mass * Math.sqrt(gravity * data.size) / PUSH_TIME;
     const force = ray.map((x) => size * x);
@@ -496,7 +511,7 @@ function engine(functions, data) {
     currentRates = robot.va.slice();
     moved = zeros(n);
     goal = zeros(n);
-    step = impulsive ? LONGEST_STEP * fall : FIRST_STEP;
+    step = impulsive ? LONGEST_STEP * fallTime : FIRST_STEP;
     robot.contactForces = [];
     robot.unsolved = false;
     if (impulsive) startImpulses();
@@ -512,7 +527,7 @@ function engine(functions, data) {
   // place.
   function goTo(k, ahead) {
     if (impulsive) moveMotorGoals(k, ahead);
-    else if (k === undefined) goal = moved?.slice();
+    else if (k === undefined) goal = moved.slice();
     else goal[k] = moved[k] + ahead;
   }
 
@@ -681,7 +696,7 @@ function engine(functions, data) {
   function motorControl() {
     const isHeld = robot.way === "hold";
     const gains = { stiffness: isHeld ? holdStiffness : zeros(motors) };
-    gains.damping = gains.stiffness.map((x) => HOLD_DAMPING * fall * x);
+    gains.damping = gains.stiffness.map((x) => HOLD_DAMPING * fallTime * x);
     let efforts = sliderEfforts();
     // The torques that hold the pose as if there were no contacts.
     if (isHeld && robot.holds) efforts = holdingTorques().map(finite);
@@ -735,7 +750,7 @@ function engine(functions, data) {
         robot.contactForces = functions.nonsmooth.contacts.map(contactForce);
         robot.unsolved = !(end.residual <= impulsive.SOLVED);
         left -= h;
-        step = Math.min(2 * step, LONGEST_STEP * fall);
+        step = Math.min(2 * step, LONGEST_STEP * fallTime);
       } else {
         step = 0.3 * h;
       }
