@@ -1,8 +1,10 @@
 "use strict";
 // A robot that answers: it is posed by hand, or simulated after "Let go", by an `engine`
-// (engine.js) with the robot's own functions. In this order: simulation and controls, drawing,
-// words, frames, the hand. `load` starts with the data of live_data.py; `frame` is called for each
-// frame of the page.
+// (engine.js) with the robot's own functions, `sst_functions` (page_code.py). In this order:
+// simulation and controls, drawing, words, frames, the hand. `load` starts with the data of
+// live_data.py; `frame` is called for each frame of the page. The scene (`stage`), its `viewer` and
+// helpers for the page (`at`, the element with an id; `escaped`, `breakable`) are in stage.js, and
+// `chart` in chart.js.
 const live = (() => {
   const THREE = MeshCat.THREE;
   const SHOWN = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] }; // factor and unit that are shown
@@ -98,7 +100,7 @@ const live = (() => {
   // The slider of coordinate k was moved: move the robot by hand, or in a simulation the goal of
   // "hold".
   function setCoordinate(k, wanted) {
-    if (isRate(k)) return; // see `frame`
+    if (isRate(k)) return; // it moves in each frame, by `moveBySpeeds`
     const turn = 2 * Math.PI;
     let ahead = wanted - robot.value(k);
     const isAngle = data.coordinates[k].kind === "angle";
@@ -121,7 +123,8 @@ const live = (() => {
 
   function draw() {
     const places = Array.from(robot.places());
-    // The matrix that places body j; three.js wants it row by row.
+    // The matrix that places body j; three.js wants it row by row. `stage.place` takes the path of
+    // a node in the scene, a list of names.
     const M = (j) => {
       const row = (i) => [0, 3, 6, 9].map((column) => places[12 * j + column + i]);
       return new THREE.Matrix4().set(...row(0), ...row(1), ...row(2), 0, 0, 0, 1);
@@ -145,7 +148,10 @@ const live = (() => {
     }
   }
 
-  // Arrows of the motors. Their lengths grow with the square root of the effort.
+  // Arrows of the motors. Their lengths grow with the square root of the effort. `node` is a path.
+  // `share` is the part of the motor's effort that acts on the joint of the arrow, relative to its
+  // largest part; it may be negative. An arrow of a negative effort is scaled by `mirror`, which
+  // reverses it.
   function drawTorques() {
     const { units } = data.motors;
     units.forEach((unit, k) => {
@@ -160,7 +166,8 @@ const live = (() => {
   }
 
   // Points that touch a ground, and arrows of the forces on them; the longest arrow is the robot's
-  // weight.
+  // weight. An arrow begins at the point if `start` is 0, and ends there if `start` is its length.
+  // Where `start` is null, a mark of the point stands for the arrow.
   function drawContacts(M) {
     for (const { node, body, at: centre, ground, axes, radius } of data.touches) {
       const place = M(ground).multiply(new THREE.Matrix4().fromArray(axes));
@@ -175,7 +182,7 @@ const live = (() => {
       const away = new THREE.Vector3();
       let length = hasForce ? Math.max(Math.sqrt(share), SHORTEST) : SHORTEST;
       if (start === null) length = hasForce ? 1 : SHORTEST; // the mark of a point, of one size
-      else away.set(0, 0, -start * length).applyQuaternion(turn); // an arrow ends at the point
+      else away.set(0, 0, -start * length).applyQuaternion(turn);
       const scale = new THREE.Vector3(length, length, length);
       const placed = new THREE.Matrix4().compose(away, turn, scale);
       stage.place(node, new THREE.Matrix4().fromArray(base).multiply(placed));
@@ -297,7 +304,8 @@ const live = (() => {
     if (pushEnds) robot.grip = null;
   }
 
-  // Sliders of rates move the robot by hand while they are held.
+  // Sliders of rates move the robot by hand while they are held. They have the range of a position,
+  // a turn or some lengths of the robot, and half of their value is the speed, per second.
   function moveBySpeeds(dt) {
     const change = inputsOf("sliders").map((input, k) =>
       isRate(k) ? dt * Number(input.value) / 2 : 0);
