@@ -18,7 +18,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import InputError
 from .closures import Constraint, Distance, ExtendedDistance
-from .geometry import place_of
+from .geometry import frames_of_place, place_of
 from .joint_series import Series
 from .rebuilt_tree import rebuilt
 
@@ -62,8 +62,10 @@ def enlarged(
     changes: dict[int, Series] = {}
     for j, name in enumerate(model.names):
         if name in joints_at:  # the place is a joint
-            series = Series.named(joints_at[name])
-            changes[j] = Series([*series.parts, *Series.whole(model.joints[j]).parts])
+            # The joints at rest come before the joint itself.
+            at_rest = Series.named(joints_at[name])
+            joint = Series.whole(model.joints[j])
+            changes[j] = Series([*at_rest.parts, *joint.parts])
     large = rebuilt(model, changes).model
     for place, joints in joints_at.items():
         if place not in model.names:  # the place is a frame
@@ -87,8 +89,8 @@ def _joint_model(model: pin.Model, resting: RestingJoint) -> Any:
 
 
 def _insert_before_frame(model: pin.Model, name: str, joints: Mapping[str, Any]) -> None:
-    """Insert joints between a body and the frames of one name; `joints` are by their suffixes."""
-    frames = [frame for frame in model.frames if frame.name == name]
+    """Insert joints between a body and the frames of a place; `joints` are by their suffixes."""
+    frames = frames_of_place(model, name)
     parent = frames[0].parentJoint
     placement = frames[0].placement.copy()
     for suffix, joint in joints.items():

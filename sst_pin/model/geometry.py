@@ -148,6 +148,21 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
     return int(frame.parentJoint), frame.placement
 
 
+def frames_of_place(model: pin.Model, place: str) -> list[pin.Frame]:
+    """The frame that is a place, and the frames of the same name that coincide with it.
+
+    For instance, a link and its fixed joint can have one name. A fixed joint elsewhere can have the
+    name too; its frame is not among these.
+    """
+    chosen = frame_named(model, place)
+    frames = list[pin.Frame]()
+    for frame in model.frames:
+        is_on_same_body = frame.parentJoint == chosen.parentJoint
+        if frame.name == place and is_on_same_body and frame.placement == chosen.placement:
+            frames.append(frame)
+    return frames
+
+
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
     """The placement D of a displaced place relative to the place before its displacement.
 
@@ -169,9 +184,8 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
         if model.existJointName(place):
             model.jointPlacements[model.getJointId(place)] = placement
         else:
-            for frame in model.frames:
-                if frame.name == place:
-                    frame.placement = placement
+            for frame in frames_of_place(model, place):
+                frame.placement = placement
     return model
 
 

@@ -6,6 +6,8 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from sst_pin.model.enlarged_tree import RestingJoint, enlarged
+from sst_pin.model.geometry import displaced
 from sst_pin.model.locked_joints import without_locked
 from tests.support import any_chain
 
@@ -78,3 +80,19 @@ def test_a_ball_with_a_locked_turn_keeps_its_pose_by_more_than_a_quarter_turn(lo
     tree.referenceConfigurations["turned"] = pin.Quaternion(R).coeffs()
     fixed = without_locked(tree, {f"{name}_wx": locked}).model
     np.testing.assert_allclose(fixed.referenceConfigurations["turned"], [0.2, 2.0], atol=1e-12)
+
+
+def test_a_fixed_joint_with_the_name_of_a_link_elsewhere_is_not_displaced_with_it():
+    """The name means the link. The frame of the fixed joint comes first, on another body."""
+    tree = any_chain.tree("RY", ["revolute"], [])
+    tree.addFrame(pin.Frame("tip", 1, pin.SE3.Identity(), pin.FrameType.FIXED_JOINT))
+    tree.addFrame(pin.Frame("tip", 2, PLACE, pin.FrameType.BODY))
+    large = enlarged(tree, [RestingJoint("tip.x", "tip", np.eye(6)[0])])
+    moved = displaced(tree, {"tip": 0.1 * np.eye(6)[0]})
+    assert large.parents[large.getJointId("tip.x")] == 2
+    for model in (large, moved):
+        fixed_joint, link = [frame for frame in model.frames if frame.name == "tip"]
+        assert fixed_joint.parentJoint == 1
+        assert fixed_joint.placement == pin.SE3.Identity()
+    expected = PLACE.translation + np.array([0.1, 0, 0])
+    assert link.placement == pin.SE3(PLACE.rotation, expected)
