@@ -35,7 +35,7 @@ class _JointKind(NamedTuple):
     addresses: list[int]
     #: Where the motion of the body begins, relative to the joint before it. For a hinge, a slide or
     #: a ball it is the body's placement at `qpos0`. For a free joint it is the identity, as its
-    #: coordinates are the pose in the world; or `reference`, if rates are locked.
+    #: coordinates are the pose in the world. For a free joint with locked rates it is `reference`.
     placement: pin.SE3
     #: The motion of the joint from `qpos0` to position zero: MuJoCo places the body at `qpos0`,
     #: Pinocchio at position zero.
@@ -80,7 +80,8 @@ class MjcfTree:
         self.model.name = mj.names.split(b"\0")[0].decode()
         if compiled.disabled("gravity"):
             self.model.gravity.linear = np.zeros(3)
-        elif compiled.gravcomp is None:  # `weight_shares` has what is compensated
+        elif compiled.gravcomp is None:
+            # The bodies have no common compensated share; `weight_shares` has those of each.
             self.model.gravity.linear = mj.opt.gravity
         else:
             self.model.gravity.linear = mj.opt.gravity * (1 - compiled.gravcomp)
@@ -112,7 +113,7 @@ class MjcfTree:
         return np.concatenate(parts)
 
     def weight_shares(self) -> dict[str, Array]:
-        """Shares of the weights by joint, which `gravcomp` leaves; see `model.weight_shares`.
+        """The shares of weights that `gravcomp` leaves, by joint; see `model.weight_shares`.
 
         Empty if the share is the same for all bodies, because the model's gravity includes it then.
         """
@@ -161,13 +162,15 @@ class MjcfTree:
         kind = self._joint_kind(joint, placement)
         locked = self._compiled.locked_rates(joint)
         if locked or kind.is_split:
+            # Without locked rates, `PartlyLocked` splits a free joint into three slides and a ball.
             series: Series = PartlyLocked(kind.joint_model, dict.fromkeys(locked, 0.0))
         else:
             series = Series.whole(kind.joint_model)
         # The joint turns about its anchor, a point of the body. The first part of the series is at
         # this point, placed where it is at position zero. Each part moves the next one. The last
-        # part moves the body, whose frame it has at `anchor.inverse()`. If all rates are locked,
-        # there are no parts.
+        # part moves the body, whose placement on it is `series.place * anchor.inverse()`. If each
+        # rate is locked by its own name, there are no parts. (A joint that is locked as a whole
+        # does not come here.)
         mj = self._compiled.mj
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         first_dof = mj.jnt_dofadr[joint]
@@ -252,7 +255,8 @@ class MjcfTree:
         """
         for body, (parent, placement) in enumerate(self.bodies[1:], start=1):
             name = self._compiled.mj.body(body).name
-            # A site with the name of the body, at the body's frame, is this frame already.
+            # If a site has the name of the body, it is at the body's frame: `Compiled.name` renames
+            # other sites. The frame of this site exists already.
             if name and name not in self._frame_names:
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
