@@ -45,7 +45,7 @@ def read_urdf(
     """Read the files of a robot, for `ClosedChain.from_urdf`, and issue their warnings.
 
     Args:
-        path: The URDF or SDF, or its content.
+        path: The path of the URDF or SDF, or the file as a `Urdf`.
         cuts: The YAML of the cuts; by default the one beside the URDF.
         locked: Joints that are locked at zero, besides those that the YAML locks.
         actuated: The motors, in place of those of the files.
@@ -117,7 +117,7 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
     with naming(source):
         loops = _add_loops(model, cuts, urdf.loop_elements)
 
-    # Numbers of joints.
+    # Numbers of joints. Limits in the URDF are lost if the YAML gives their joint another kind.
     notes += lost_limits(urdf.root, cuts.kinds, _joints_with_limits(cuts))
     with naming(source):
         numbers = combined_numbers(urdf.numbers, cuts.numbers, cuts.fixed_joints)
@@ -137,17 +137,21 @@ def closed_robot(urdf: Urdf, cuts: Cuts) -> RobotFile:
             model, weight_shares = without_locked(model, locked, weight_shares)
         stiffness, spring_reference = springs_of(model, numbers)
 
-    # Motors. In an open tree whose files name no motors, each joint of one axis has one. A URDF+
-    # names its independent joints, which are its motors, so it is no open tree.
+    # Motors. `cuts.actuated` are those that the files name; without a YAML, `read_cuts` takes them
+    # from the URDF. In an open tree whose files name no motors, each joint of one axis has one. A
+    # URDF+ names its independent joints, which are its motors, so it is no open tree.
     is_open_tree = not cuts.source and not loops and not urdf.loop_elements.independent
-    motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
+    files_name_motors = bool(cuts.actuated)
+    followers = {coupling.joint for coupling in couplings}
+    if is_open_tree and not files_name_motors:
+        motors: tuple[Motor, ...] = tuple(_single_joints(model, followers))
+    else:
+        motors = tuple(_moving_motors(cuts.actuated, cuts.fixed_joints))
     warning_of_open_tree = ""
     if is_open_tree:
-        followers = {coupling.joint for coupling in couplings}
-        has_motors = bool(cuts.actuated)
-        if not has_motors:
-            motors = tuple(_single_joints(model, followers))
-        warning_of_open_tree = _open_tree_warning(urdf_path.stem, has_motors, bool(followers))
+        warning_of_open_tree = _open_tree_warning(
+            urdf_path.stem, files_name_motors, bool(followers)
+        )
 
     if not any(inertia.mass for inertia in list(model.inertias)[1:]):
         notes.append(_mass_warning(model))
@@ -280,8 +284,12 @@ def _locked_joints(urdf: Urdf, cuts: Cuts) -> list[str]:
 
 
 def _moving_motors(motors: Sequence[Motor], fixed_joints: Collection[str]) -> Iterator[Motor]:
-    """Motors without the joints that are fixed."""
+    """Motors without the joints that are fixed; a motor whose joints are all fixed is left out.
+
+    A motor is a name of a joint or line, or a tendon with shares of them by name.
+    """
     for motor in motors:
+        # A name has itself with the share 1. The name of a tendon without one of its own is "".
         tendon, shares = tendon_of(motor)
         moving = {joint: share for joint, share in shares.items() if joint not in fixed_joints}
         if not moving:
