@@ -131,7 +131,10 @@ def _is_plane(compiled: Compiled, geom: int) -> bool:
 
 
 def _ground_first(compiled: Compiled, pair: _Pair) -> tuple[int, int]:
-    """The two shapes of a pair; the plane is the first if one of them is a plane."""
+    """The two shapes of a pair; the plane is the first if one of them is a plane.
+
+    Without a plane the order does not matter: `add_contacts` leaves out the pair.
+    """
     if _is_plane(compiled, pair.first):
         return pair.first, pair.second
     return pair.second, pair.first
@@ -192,6 +195,7 @@ def ropes_of(compiled: Compiled) -> Iterator[Rope]:
     """Ropes: spatial tendons between two sites with a largest length, without other forces."""
     mj = compiled.mj
     for tendon in range(mj.ntendon):
+        # For a fixed tendon these would be joints, but it is no rope, as `is_spatial` says below.
         sites = [mj.wrap_objid[k] for k in compiled.wraps(tendon)]
         is_rope = (
             mj.tendon_limited[tendon]

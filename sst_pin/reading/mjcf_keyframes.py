@@ -19,8 +19,8 @@ _SIZES = {FREE: 7, BALL: 4, HINGE: 1, SLIDE: 1}
 def put_keyframes(compiled: Compiled, tree: MjcfTree) -> None:
     """Write the keyframes that have a name into the model, as its `referenceConfigurations`.
 
-    A problem names each body that a keyframe moves and that is fixed here, a note each locked joint
-    to which it gives another position.
+    A problem names each body that a keyframe moves and that is fixed here. A note names each locked
+    joint to which a keyframe gives another position.
     """
     mj = compiled.mj
     model = tree.model
@@ -49,7 +49,11 @@ def _refuse_moved_bodies(compiled: Compiled, key: int) -> None:
 
 
 def _note_locked_joints(compiled: Compiled, key: int) -> None:
-    """Add a note for each locked joint to which a keyframe gives another position than `qpos0`."""
+    """Add a note for each locked joint to which a keyframe gives another position than `qpos0`.
+
+    Only joints that are locked as a whole get one. A ball with a locked rate gets none: mostly it
+    is the end of a rod, and the spin of a rod about its axis has no effect.
+    """
     mj = compiled.mj
     for joint in range(mj.njnt):
         if not compiled.is_locked(joint):
@@ -85,7 +89,9 @@ def put_home(robot: RobotFile, q: Array) -> None:
     loops.evaluate(q)
     try:
         row_scale = robot.uncorrected_mechanism().row_scale
-    except SSTError:  # no such robot can be made: whoever makes it tells why, after all notes
+    except SSTError:
+        # No robot can be made from this file. The caller makes the robot after it has issued all
+        # notes, and gets this error then.
         return
     gaps = np.abs(loops.f * row_scale)  # in lengths of the loops, or [rad]
     if gaps.max(initial=0.0) <= CLOSURE_TOLERANCE:

@@ -61,7 +61,8 @@ def unread_forces(compiled: Compiled, tree: MjcfTree) -> list[str]:
     if forces.depend_on_medium():
         problems.append("a medium (density, viscosity, wind) is not supported")
 
-    # Forces that none of these fields causes. With a problem above, its force could be among them.
+    # Forces that none of these fields causes. They can be told only if there is no problem so far,
+    # because the force of a problem would be among them.
     if not problems:
         for joint in forces.joints_with_other_forces():
             text = "a passive force of MuJoCo on it is not supported"
@@ -154,6 +155,8 @@ def _yield_problems(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
             if field == "jnt_springyield":
                 moves = mj.jnt_dofadr[i] in tree.dofs
             else:
+                # A fixed tendon moves if one of its joints is not locked: only then does it have
+                # coefficients.
                 moves = compiled.is_spatial(i) or bool(compiled.coefficients(i))
             if moves:
                 yield f"{description} is not supported"
