@@ -123,7 +123,8 @@ _FORCELESS = re.compile(
     "detector|drive|forcetorque|gps|label|laser|lidar|magnetometer|monitor|navsat|openni|p3d|"
     "physics|projector|publisher|range|scene|sensor|sonar|steering|trajectory|usercommands|video"
 )
-#: The same for the short words imu and ray, in `plugin_name`. Written small, a word starts at the
+#: The same for the short words imu and ray, which are searched in `plugin_name` instead: there the
+#: ends of words can be seen. Written small, a word starts at the
 #: beginning or after a character that is no letter, as in `gpu_ray`. With a capital letter it may
 #: start anywhere, as in `GpuRay`. No small letter follows it. So `array` and `Rayleigh` do not
 #: contain the word `ray`.

@@ -223,7 +223,7 @@ class JointGraph:
         if not dynamics.get("spring_stiffness"):
             return
         spring = ET.SubElement(self.urdf, "gazebo", reference=step.name)
-        for key, tag in SPRINGS.items():
+        for key, tag in SPRINGS.items():  # the keys are stiffness and reference
             ET.SubElement(spring, tag).text = repr(dynamics[f"spring_{key}"])
 
     def _new_name(self, name: str) -> str:
@@ -352,7 +352,8 @@ def axis_names(joint: str, count: int) -> list[str]:
 def _add_numbers(element: ET.Element, axis: Axis, *, may_be_continuous: bool) -> None:
     """Add the limits, friction and mimic of an axis to the element of a joint.
 
-    A hinge without limits becomes continuous if it may; the hinge in place of a ball may not.
+    A hinge without limits becomes continuous if it may. The hinge that stands for a ball stays
+    revolute; see `JointGraph.balls`.
     """
     lower = axis.limit["lower"]
     upper = axis.limit["upper"]
