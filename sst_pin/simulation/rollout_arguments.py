@@ -96,7 +96,8 @@ class RolloutArguments:
 
         def wrenches(i: int, q: Array) -> Array:
             at_frames = {name: wrench[i] for name, wrench in samples.at_frames.items()}
-            on_bodies = engine.arguments.wrenches(None, at_frames, "raise", q)
+            no_moment = None  # on the platform
+            on_bodies = engine.arguments.wrenches(no_moment, at_frames, on_error="raise", q=q)
             if samples.wrenches is not None:
                 on_bodies = on_bodies + samples.wrenches[i]
             return np.asarray(on_bodies)
