@@ -50,6 +50,7 @@ CALLS = [
     (sst_pin.sst.orientation_path, {"R": R, "count": 5}),
     (sst_pin.sst.orientation, {"theta": 0.1, "phi": 0.1, "psi": 0.1}),
     (
+        # Each angle has rows: itself, its rate and its acceleration.
         sst_pin.sst.orientation_motion,
         {"theta": np.ones((3, 2)), "phi": np.ones((3, 2)), "psi": np.ones((3, 2))},
     ),
@@ -155,7 +156,10 @@ NO_MOTIONS = {
 
 
 def motion_of_table(robot, header: str, columns):
-    """The motion that is read from a table with the times T and these columns."""
+    """The motion that is read from a table with the times T and these columns.
+
+    The table is written to the working directory, which the fixture `here` sets.
+    """
     table = np.column_stack([T, columns])
     np.savetxt("a.csv", table, fmt="%.17g", delimiter=",", header=header, comments="")
     return read_motion(robot.engine, "a.csv", partial(star_motion, robot))
