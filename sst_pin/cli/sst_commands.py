@@ -82,7 +82,7 @@ def describe(arguments: argparse.Namespace) -> None:
     if output.suffix.lower() in (".xml", ".mjcf"):
         options = {name for name, value in vars(arguments).items() if value is not None}
         changes_sst = bool(options - _COMMON)
-        if changes_sst:
+        if changes_sst:  # for another robot, `sst_of` raises an error
             robot = SST(_with_options(common.sst_of(arguments).parameters, arguments))
         write_mjcf(robot, output, arguments.force)
         print(f"{robot.mechanism.model.name or 'robot'} with closed loops -> {output}")
@@ -92,6 +92,7 @@ def describe(arguments: argparse.Namespace) -> None:
     common.require_extras(mesh="trimesh", plot="matplotlib")
     from ..plots.paper_figures import picture_writers
 
+    # A robot with the joints of an SST is read again as an SST, with its parameters.
     p = _with_options(common.sst_of(arguments).parameters, arguments)
     files = description_writers(p, configurations_of(p)) | picture_writers(p)
     write_files({output / n: write for n, write in files.items()}, arguments.force, folder=output)

@@ -17,8 +17,9 @@ from ..model.closures import Closure, Coupling
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
 
-#: Step to the second configuration at which the axis of a closure is judged, [rad] or [m]. It is
-#: far larger than the rounding of axes, and so small that the robot stays in its assembly mode.
+#: The axis of a closure is judged at q = 0 and at a second configuration, this step away, [rad] or
+#: [m]. The step is far larger than the rounding of axes, and so small that the robot stays in its
+#: assembly mode.
 _STEP = 0.1
 
 

@@ -85,7 +85,8 @@ class Quantity(NamedTuple):
         name: Its name.
         frame: Name of the frame, for a quantity of a frame.
         loaded: Whether external wrenches act.
-        along: Whether the kernel fills its lanes with directions.
+        along: Whether the kernel fills its lanes with directions, as `Properties.by_directions`
+            allows.
         sign_width: For derivatives, the rate at which the smoothed sign of Coulomb friction,
             tanh(v / sign_width), is at 76 %, [rad/s] or [m/s].
     """

@@ -115,7 +115,8 @@ class ErrorFit:
         self._measurements = measurements
         self._starts = np.cumsum(counts)[:-1]
         mechanism = enlarged.chain.mechanism
-        # The errors of the enlarged robot are the positions of some of its coordinates.
+        # The errors are positions of joints at rest of the enlarged robot. These joints are some of
+        # its coordinates.
         #: Units of the errors, shape (k,).
         self._units = mechanism.rate_scale[mechanism.coordinates[enlarged.columns]]
 
@@ -154,7 +155,8 @@ class ErrorFit:
 
         Args:
             q: Configurations of all measurements without errors, shape (N, nq).
-            visible: Numbers of the errors, shape (k,).
+            visible: Numbers of the errors to estimate, shape (k,). The columns of their
+                derivatives are independent, so that the measurements determine them.
             noise: A guess of the noise of each kind of values.
 
         Raises:

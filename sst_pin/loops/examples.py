@@ -52,7 +52,8 @@ def _assembled(
     mechanism = assembly.mechanism
     for width in widths:
         guess = pin.integrate(mechanism.model, start, random_step(mechanism, width))
-        try:  # with the motors held, so that they hold the robot in the assembly if they can
+        try:
+            # The motors stay at the guess if the loops close so.
             q = assembly.near(guess, mechanism.driven)
         except ClosureError as error:
             failures.append(error)
