@@ -161,9 +161,9 @@ INLINED int has_factors(const problem *p, number proximal)
     return same;
 }
 
-/* Put row i of the matrix of `newton_step` into p->row, for a side that is SLIDING. With the
- * direction e = s / |s| and the radius mu y_n, its row of S = dP / dy has, for the sides j and the
- * normal row n,
+/* Put row i of the matrix of `newton_step`, 1 - S + S (A + proximal 1), into p->row, for a side
+ * that is SLIDING. With the direction e = s / |s| and the radius mu y_n, its row of S = dP / dy
+ * has, for the sides j and the normal row n,
  *
  *     S_ij = mu y_n / |s| (delta_ij - e_i e_j),    S_in = mu e_i. */
 INLINED void sliding_row(problem *p, int i, number proximal)
@@ -201,7 +201,8 @@ INLINED void copy_unknown(const problem *p, number *to, const number *row, int f
  * The proximal term makes the matrix regular if rows are redundant, with which A is singular; it
  * does not change the solution. Rows AT_BOUND have S = 0, so that dx_i = -F_i. The others are the
  * unknown rows. If no contact slides, S = 1 for them: their matrix is their part of A + proximal 1,
- * which is symmetric, and its factors are used again while the same rows are unknown. */
+ * which is symmetric, and its factors are used again while the same rows are unknown. If a contact
+ * slides, D keeps no factors, so that `factorized` is false while the contact slides. */
 FAST int newton_step(problem *p, number *x, number proximal)
 {
     const int m = p->m, wide = p->wide;
@@ -314,10 +315,11 @@ FAST void sweep(problem *p, number *x)
 }
 
 /* Solve F = 0 from x, in x; returns the residual. After the first steps of Newton's method there
- * are at most `series` series, each of sweeps and then Newton's steps. Every third series continues
- * the sweeps of the third series before, as if there had been no Newton's steps in between, and
- * makes more of them each time. The other series start from the best impulses so far. Neither start
- * is best for all problems. `after_sweeps`, `near` and `best` are workspace. */
+ * are at most `series` series, each of sweeps and then Newton's steps. Series 0 and every third one
+ * after it continue the sweeps of the third series before (series 0: the start), as if there had
+ * been no Newton's steps in between, and make more of them each time. The other series start from
+ * the best impulses so far. Neither start is best for all problems. `after_sweeps`, `near` and
+ * `best` are workspace. */
 FAST number solve_rows(
     problem *p, number *x, int series, number *after_sweeps, number *near, number *best)
 {
