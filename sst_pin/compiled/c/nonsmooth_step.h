@@ -301,7 +301,9 @@ INLINED void set_efforts(const step_start *b, number *effort)
         effort[i] = b->tau[i] - stiffness[i] * (position[i] - b->held[i]);
 }
 
-/* Add h D + h^2 K to A, and the impulses of the motors to the momentum. */
+/* Add h D + h^2 K to A, and the impulses of the motors to the momentum. Cables have no part in the
+ * rows of motors, which are empty if a motor drives cables alone: `set_cables` adds these efforts
+ * and gains. */
 INLINED void add_implicit_forces(
     const step_start *b, const number *effort, number *A, int wide, number *momentum)
 {
@@ -530,7 +532,8 @@ INLINED void set_problem(const step_start *b, const step_rows *rows, const numbe
     }
 }
 
-/* rates = free + A^-1 J^T x = free + U^-1 D^(-1/2) Z x. */
+/* rates = free + A^-1 J^T x = free + U^-1 D^(-1/2) Z x. Here x and the columns of Z are those of
+ * the scaled problem (`acting->unit`): the units cancel in Z x. */
 INLINED void set_rates(const step_start *b, const number *A, int wide, const number *free_rates,
     const acting_rows *acting, number *rates)
 {
@@ -558,6 +561,7 @@ INLINED int set_free_rates(const step_start *b, const step_workspace *s)
     set_efforts(b, s->effort);
     add_implicit_forces(b, s->effort, s->A, s->wide, momentum);
     set_cables(b, s->effort, &s->rows, momentum);
+    /* `changed_rates` is workspace here */
     if (!factorize(s->A, b->robot->n, s->wide, s->changed_rates))
         return 0;
     solve_symmetric(s->A, momentum, b->robot->n, s->wide);
