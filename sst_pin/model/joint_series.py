@@ -68,7 +68,11 @@ class Series:
 
     @classmethod
     def named(cls, joints: Mapping[str, Any]) -> Series:
-        """A series of new joints, by their suffixes; they have no rates of the replaced joint."""
+        """A series of new joints, by their suffixes.
+
+        They have no rates and no entries of q of the replaced joint. So `positions` has an empty
+        array for each of them, and they are neutral in the stored poses of a rebuilt tree.
+        """
         return cls([Part(suffix, joint) for suffix, joint in joints.items()])
 
     @classmethod
@@ -157,11 +161,11 @@ class PartlyLocked(Series):
     def _angle(self, rate: int, q: Array) -> float:
         """The angle of a turn that is no entry of q, [rad]; `rate` is the index of its rate."""
         if self._ball_rates:  # q of a ball or free-flyer ends with the quaternion
-            # The rates of a ball are about x, y, z: an axis is the place of a rate among them.
-            order = [self._ball_rates.index(k) for k in self._turns]
-            axis = self._ball_rates.index(rate)
+            # The rates of a ball are about its axes 0, 1, 2: x, y, z.
+            axis_of_rate = {k: axis for axis, k in enumerate(self._ball_rates)}
+            order = [axis_of_rate[k] for k in self._turns]
             last = self._locked[self._turns[-1]]  # the last turn is locked at this angle
-            return float(_angles(q[-4:], order, last)[axis])
+            return float(_angles(q[-4:], order, last)[axis_of_rate[rate]])
         cosine, sine = q[-2:]  # q of a planar joint ends with them
         return float(np.arctan2(sine, cosine))
 
