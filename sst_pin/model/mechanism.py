@@ -150,16 +150,18 @@ class Mechanism:
     lines: Lines
     #: What acts only in steps of `rollout(..., nonsmooth=True)`.
     contacts: Contacts = Contacts()  # noqa: RUF009
-    #: None if the whole weight of each body acts.
+    #: Which part of the weight of each body acts, and where; None if the whole weight of each body
+    #: acts at its mass centre.
     weight_shares: WeightShares | None = None
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None
-    #: Norm of each row of Phi at the example, free of units, shape (rows,), for `usual_size`. It is
-    #: 0 for couplings with constant coefficients, which never come near a singularity.
+    #: Norm of each row of Phi at the example, free of units, shape (rows,). A column of Phi that is
+    #: much smaller shows a singularity, see `usual_size`. The norm is 0 for couplings with constant
+    #: coefficients, which never come near a singularity.
     row_sizes: Array | None = None
     #: Names of the coordinates that move no mass, so that the mass matrix is singular. If the
-    #: coordinates are singular at the example, names of other rates that describe these motions.
+    #: coordinates are singular at the example, names of other rates for the motions without mass.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -409,7 +411,7 @@ class Mechanism:
 
         A block with one rate is a column: its condition number is 1 at every configuration. So
         `loops.ranks` compares its only singular value with the result. The result is the norm of
-        the same rows at the example, with their entries for all rates, free of units.
+        the whole rows (all columns of Phi) at the example, free of units.
 
         For a block with several dependent rates the result is 0: its condition number shows
         whether it is nearly singular.
