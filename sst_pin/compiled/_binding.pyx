@@ -193,8 +193,8 @@ cdef class Kernel:
             b: Second input, in the same way; None if the kernel has only one.
             c: Third input, in the same way; None if the kernel has only two.
             load: The moment that can be given alone, shape (3,) or (N, 3), or None. With a moment,
-                the kernel `loaded` computes the result. A kernel with four inputs computes it
-                itself.
+                the kernel `loaded` computes the result. Its fourth input is the whole load, which
+                has the moment and zeros. A kernel with four inputs computes the result itself.
             out: Where the result is written, a float64 array that shares no memory with the inputs;
                 None for a new array.
             threads: Number of threads, a positive integer.
@@ -202,7 +202,7 @@ cdef class Kernel:
         cdef Kernel kernel = self
         if load is not None and self.arrays < 4:
             if callable(self.loaded):
-                self.loaded = self.loaded()
+                self.loaded = self.loaded()  # from now on the kernel, or None
             kernel = self.loaded
             if kernel is None:
                 return None
@@ -235,6 +235,7 @@ cdef class Kernel:
         matrices = result  # shape (output,) or (N, output): the matrices row by row
         ndim, first = cnp.PyArray_NDIM(matrices), cnp.PyArray_BYTES(matrices)
         # The last two axes of a view are rows and columns; a batch has the axis of samples before.
+        # For one sample ndim is 1, and the second line overwrites the axis of samples.
         shape[0], strides[0] = cnp.PyArray_DIM(matrices, 0), self.output * sizeof(double)
         shape[ndim - 1], strides[ndim - 1] = n, columns * sizeof(double)
         strides[ndim] = sizeof(double)
@@ -315,7 +316,7 @@ cdef class Kernel:
         A count of -1 means one sample without an axis of samples.
         """
         cdef unsigned char few[FEW]
-        cdef unsigned char *flags = few
+        cdef unsigned char *flags = few  # not zeroed: nobody reads which samples fail
         cdef const double *parameters = numbers_of(self.batch_parameters)
         cdef bint any_bad
         if count < 0:
