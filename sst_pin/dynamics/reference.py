@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Mapping
 from functools import cached_property, wraps
 from inspect import signature
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -42,16 +42,15 @@ def _finite(method: _Method) -> _Method:
     def checked(self: Reference, *arguments: Any, **more: Any) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # the error says it better
             result = method(self, *arguments, **more)
-        _require_finite(result, dict(zip(names, arguments, strict=False)) | more)
+        if not np.isfinite(result).all():
+            _raise_not_finite(dict(zip(names, arguments, strict=False)) | more)
         return result
 
     return checked  # type: ignore[return-value]  # it has the parameters of `method`
 
 
-def _require_finite(result: Array, arguments: Mapping[str, Any]) -> None:
-    """Refuse a result that is not finite; the error names the first argument that is not."""
-    if np.isfinite(result).all():
-        return
+def _raise_not_finite(arguments: Mapping[str, Any]) -> NoReturn:
+    """Raise an error for a result that is not finite; it names the first argument that is not."""
     for name, array in arguments.items():
         if isinstance(array, np.ndarray):
             finite_array(name, array, array.shape)
@@ -126,7 +125,8 @@ class Reference(threading.local):
                     self.context, q, va, aa, external_wrenches
                 )
                 # f is finite, so no argument is at fault, but numbers may be too large together.
-                _require_finite(np.append(tau, sizes), {})
+                if not np.isfinite([*tau, *sizes]).all():
+                    _raise_not_finite({})
                 self._require_supplied(unsupplied, sizes)
         return tau
 
@@ -223,9 +223,10 @@ class Reference(threading.local):
             row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances, axes)
         parts = reactions.parts_of(self.mechanism, row)
         # Wrenches of joints and closures may be NaN on purpose; ground and torques may not.
-        ground_and_torques = np.append(parts.ground, parts.tau)
-        arguments = {"q": q, "va": va, "aa": aa, "tau": tau, "external_wrenches": wrenches}
-        _require_finite(ground_and_torques, arguments)
+        if not np.isfinite(np.append(parts.ground, parts.tau)).all():
+            _raise_not_finite(
+                {"q": q, "va": va, "aa": aa, "tau": tau, "external_wrenches": wrenches}
+            )
         return row
 
     @_finite
