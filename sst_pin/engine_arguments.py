@@ -114,6 +114,8 @@ class EngineArguments:
         configurations q. Numbers that are not finite are refused here: kernels leave out wrenches
         that do no work, so NaN would not reach their results.
         """
+        if platform_moment is None and external_wrenches is None:
+            return None
         model = self._mechanism.model
         shape = model.njoints - 1, 6
         wrenches = None
