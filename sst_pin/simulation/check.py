@@ -110,8 +110,7 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     line_limits = _limits([line.velocity for line in lines.forces])
     if not (np.isfinite(joint_limits).any() or np.isfinite(line_limits).any()):
         return
-    condition = _condition_numbers(engine, motion.q)
-    is_regular = engine.loops.are_closed(motion.q) & (condition <= LARGEST_CONDITION)
+    is_regular = _condition_numbers(engine, motion.q) <= LARGEST_CONDITION
     t = motion.t[is_regular]
     q = motion.q[is_regular]
     v = engine.joint_rates(q, motion.va[is_regular])
@@ -197,9 +196,9 @@ def _lengths(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
 
 
 def _condition_numbers(engine: Engine, q: Array) -> Array:
-    """Condition numbers at configurations, shape (N,); 1 for open loops, which have none."""
+    """Condition numbers at configurations, shape (N,); NaN for open loops, which have none."""
     is_closed = engine.loops.are_closed(q)
-    condition = np.ones(len(q))
+    condition = np.full(len(q), np.nan)
     condition[is_closed] = engine.loops.condition_numbers(q[is_closed])
     return condition
 
