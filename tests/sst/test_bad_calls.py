@@ -140,6 +140,11 @@ MOTIONS = {
 NO_MOTIONS = {
     "quaternions of length zero": (QUATERNION, 0 * QUATERNIONS, "quaternion of length 0,"),
     "quaternions of length two": (QUATERNION, 2 * QUATERNIONS, "quaternion of length 2,"),
+    "quaternions too short to normalise": (
+        QUATERNION,
+        1e-318 * QUATERNIONS,
+        "quaternion of length 0,",
+    ),
     "half a turn between two samples": (QUATERNION, HALF_A_TURN, "more than a quarter turn"),
     "no angle phi": ("t_s,theta_rad", ANGLE, "phi_rad"),
     "theta in two units": (
