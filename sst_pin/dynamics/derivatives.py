@@ -394,9 +394,10 @@ def _line_partials(
     """The lines' tensions and their derivatives at q, with motor torques tau."""
     lines = context.mechanism.lines
     v = motion.v
-    lengths, J = context.lines.evaluate(q)
-    rates = J.dot(v)
     tensions = tensions_in_motion(context, friction, q, v, motion.v_dot, tau)
+    lengths = context.lines.loops.f  # at q, as J: the line above has evaluated the lines
+    J = context.lines.loops.Phi
+    rates = J.dot(v)
     taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
     damping = lines.damping * taut
     if lines.coulomb.any():

@@ -314,6 +314,7 @@ def tensions_in_motion(
 
     They are those of springs, dampers, dry friction, motors, and of masses that move with the
     lengths. `applied_forces` has all but the masses, which are part of `Context.tree_forces`.
+    The lines are evaluated at q: `context.lines.loops` has their lengths f and J = Phi.
     """
     lengths, J = context.lines.evaluate(q)
     applied = context.mechanism.lines.tensions(lengths, J.dot(v), friction.sign_width, tau)
@@ -364,9 +365,10 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     on_rates = angular.T @ moments + linear.T @ forces
 
     # Forces of lines and joints.
-    _, J = context.lines.evaluate(q)
-    tensions = tensions_in_motion(context, mechanism.friction, q, v, v_dot)
-    on_rates += np.abs(tensions[:, None] * J).sum(axis=0)
+    if not mechanism.lines.none:
+        tensions = tensions_in_motion(context, mechanism.friction, q, v, v_dot)
+        J = context.lines.loops.Phi
+        on_rates += np.abs(tensions[:, None] * J).sum(axis=0)
     on_rates += np.abs(mechanism.friction.forces(v))
     on_rates += np.abs(mechanism.springs.forces(model, q))
     on_rates += np.abs(model.armature * v_dot)
