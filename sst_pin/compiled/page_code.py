@@ -19,7 +19,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array
-from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows
+from ..dynamics.nonsmooth_rows import NonsmoothRows, motor_gains
 from ..dynamics.reference import Reference
 from ..errors import ClosureError, DescriptionError
 from ..loops.loops import Loops
@@ -227,8 +227,7 @@ def _dynamics(e: Equations) -> list[SymbolicKernel]:
 
 def _rows_of_steps(mechanism: Mechanism) -> NonsmoothRows:
     """The rows of a nonsmooth step, without gains: the page has its own gains of the motors."""
-    no_gains = np.zeros(len(mechanism.motor_names))
-    return NonsmoothRows(mechanism, MotorGains(no_gains, no_gains))
+    return NonsmoothRows(mechanism, motor_gains(None, None, mechanism.motor_count))
 
 
 def _elements(e: Equations) -> dict[str, Any]:
