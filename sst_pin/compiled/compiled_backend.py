@@ -304,7 +304,7 @@ class CompiledBackend:
                 )
             except SSTError as error:
                 self._nonsmooth[loaded, many] = None
-                self._why[_nonsmooth_name(loaded)] = str(error)
+                self._why[nonsmooth_name(loaded)] = str(error)
         return self._nonsmooth[loaded, many]
 
     def _nonsmooth_code(self, rows: NonsmoothRows, loaded: bool, target: str) -> Code:
@@ -321,7 +321,7 @@ class CompiledBackend:
                 lanes = TARGETS[target].lanes
                 return nonsmooth_c.library("nonsmooth", self._equations_of(key), rows, lanes)
 
-        name = _nonsmooth_name(loaded)
+        name = nonsmooth_name(loaded)
         return Code(libraries.load(self._robot, name, content, target, source), "nonsmooth")
 
     # --- inside -----------------------------------------------------------------------------
@@ -503,7 +503,7 @@ class CompiledBackend:
         return self._equations[kind]
 
 
-def _nonsmooth_name(loaded: bool) -> str:
+def nonsmooth_name(loaded: bool) -> str:
     """Name of the code of nonsmooth steps, with or without external wrenches."""
     return "nonsmooth_loaded" if loaded else "nonsmooth"
 

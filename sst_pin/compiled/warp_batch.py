@@ -32,7 +32,7 @@ from ..dynamics.reference import Reference
 from ..errors import CompilationError, InputError
 from . import kernels, libraries, nonsmooth_c, warp_code
 from .c_code import STYLES
-from .compiled_backend import impossible
+from .compiled_backend import impossible, nonsmooth_name
 from .equations import Equations
 from .generator_inputs import fingerprint, sample_configurations
 from .kernel_checks import Checks
@@ -365,7 +365,7 @@ class WarpBatch:
 
         symbolic = self._symbolic_parameters
         content = fingerprint(mechanism, symbolic, self._near, rows=self._rows)
-        label = f"warp nonsmooth{'_loaded' if loaded else ''} {self._style.dtype}"
+        label = f"warp {nonsmooth_name(loaded)} {self._style.dtype}"
         path = libraries.text(mechanism.model.name, label, content, source)
         return _imported(path)
 
