@@ -7,7 +7,6 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import SSTError
 from ..loops.loops import Loops
-from ..model.thresholds import CLOSURE_TOLERANCE
 from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
 from .robot_file import RobotFile
@@ -86,13 +85,10 @@ def put_home(robot: RobotFile, q: Array) -> None:
         return
     q = pin.normalize(model, q)
     loops = Loops(model, robot.closures)
-    loops.evaluate(q)
     try:
-        row_scale = robot.uncorrected_mechanism().row_scale
+        loops.evaluate_closed(q, robot.uncorrected_mechanism().row_scale)
     except SSTError:
-        # No robot can be made from this file. The caller makes the robot after it has issued all
-        # notes, and gets this error then.
+        # The loops are open at q, or no robot can be made from this file. In the second case, the
+        # caller makes the robot after it has issued all notes, and gets this error then.
         return
-    gaps = np.abs(loops.f * row_scale)  # in lengths of the loops, or [rad]
-    if gaps.max(initial=0.0) <= CLOSURE_TOLERANCE:
-        model.referenceConfigurations["home"] = q
+    model.referenceConfigurations["home"] = q
