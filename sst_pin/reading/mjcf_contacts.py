@@ -90,10 +90,11 @@ def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
             continue
         if joints[a] != joints[b]:
             # The shape of higher priority decides; of two with the same priority, the larger value.
-            priorities = mj.geom_priority[[a, b]]
-            deciding = np.array([a, b])[priorities == priorities.max()]
-            dimension = mj.geom_condim[deciding].max()
-            yield _Pair(a, b, _friction(dimension, mj.geom_friction[deciding, 0].max()))
+            priority = max(mj.geom_priority[a], mj.geom_priority[b])
+            deciding = [geom for geom in (a, b) if mj.geom_priority[geom] == priority]
+            dimension = max(mj.geom_condim[geom] for geom in deciding)
+            coefficient = max(mj.geom_friction[geom, 0] for geom in deciding)
+            yield _Pair(a, b, _friction(dimension, coefficient))
 
 
 def _never_touch(compiled: Compiled, a: int, b: int) -> bool:
