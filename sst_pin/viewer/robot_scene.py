@@ -187,10 +187,10 @@ class Scene:
             if self.layers[shape.layer]:
                 add(shape, shape.at)
         # Each arrow is as long as it becomes in the motion. All signs are tried: two of a torque,
-        # and eight of the three components of a force.
+        # and, if forces are drawn, eight of the three components of a force.
         largest = np.abs(effort).max(axis=0)
         forces = self.layout.reactions + self.layout.contacts
-        for signs in itertools.product((1.0, -1.0), repeat=3):
+        for signs in itertools.product((1.0, -1.0), repeat=3 if forces else 1):
             signs_of_torques = np.full(self.layout.motors, signs[0])
             signs_of_effort = np.concatenate([signs_of_torques, np.tile(signs, forces)])
             for arrow in self.arrows:
