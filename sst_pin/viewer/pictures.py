@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import BrowserError, InputError, MissingExtraError
+from ..arrays import whole_number
+from ..errors import BrowserError, MissingExtraError
 from ..progress import counted
 
 #: Programs that can take the pictures; the first one that is installed is used.
@@ -73,8 +74,7 @@ def gif(
         seconds: Duration, [s].
         size: Width and height, [px].
     """
-    if frames < 1:
-        raise InputError("frames", f"{frames}, expected at least 1")
+    frames = whole_number("frames", frames, 1)
     screenshots = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 
