@@ -122,7 +122,7 @@ const live = (() => {
   // --- drawing -------------------------------------------------------------------------------
 
   function draw() {
-    const places = Array.from(robot.places());
+    const places = robot.places();
     // The matrix that places body j; three.js wants it row by row. `stage.place` takes the path of
     // a node in the scene, a list of names.
     const M = (j) => {
