@@ -250,10 +250,8 @@ class _Series:
         # Forces that have limits: their factors from the motor torques, shape (k, motors), and the
         # largest forces, shape (k,).
         if torques is None:
-            efforts_of_lines = [line.effort for line in mechanism.lines.forces]
-            efforts = np.concatenate([model.effortLimit, efforts_of_lines])
-            self._factors = np.vstack([mechanism.actuation, mechanism.lines.actuation])
-            self._strongest = _limits("torques", None, efforts)
+            self._factors = mechanism.effort_factors
+            self._strongest = _limits("torques", None, mechanism.effort_limits)
         else:  # the caller's limits are limits of the torques themselves
             motors = len(chain.motor_names)
             self._factors = np.eye(motors)

@@ -245,6 +245,23 @@ class Mechanism:
         return read_only(lines)
 
     @cached_property
+    def effort_factors(self) -> Array:
+        """Forces of the motors on each rate, then on each line, for torques of 1.
+
+        Shape (nv + lines, motors). For torques tau the forces are these factors times tau.
+        """
+        return read_only(np.vstack([self.actuation, self.lines.actuation]))
+
+    @cached_property
+    def effort_limits(self) -> Array:
+        """Largest forces of the motors on each rate, then on each line, [N m] or [N].
+
+        Shape (nv + lines,). The numbers are those of the file, in which zero is no limit.
+        """
+        of_lines = [line.effort for line in self.lines.forces]
+        return read_only(np.concatenate([self.model.effortLimit, of_lines]))
+
+    @cached_property
     def driven_one_to_one(self) -> bool:
         """Whether motor k gives the force of coordinate k, and nothing else."""
         return np.array_equal(self.actuation, self.selection.T) and not self.lines.actuation.any()

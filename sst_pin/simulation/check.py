@@ -97,14 +97,12 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     joint_names = space.rate_names
     line_names = [line.name for line in lines.forces]
 
-    on_joints = motion.tau @ mechanism.actuation.T
+    efforts = motion.tau @ mechanism.effort_factors.T  # on joints, then on lines
+    names = [*joint_names, *line_names]
     units = ["N m" if unit == "rad" else "N" for unit in space.rate_units]
-    limits = _limits(model.effortLimit)
-    yield from _beyond("efforts", joint_names, units, motion.t, on_joints, limits)
-    on_lines = motion.tau @ lines.actuation.T
-    units = ["N" for _ in line_names]
-    limits = _limits([line.effort for line in lines.forces])
-    yield from _beyond("efforts", line_names, units, motion.t, on_lines, limits)
+    units += ["N" for _ in line_names]
+    limits = _limits(mechanism.effort_limits)
+    yield from _beyond("efforts", names, units, motion.t, efforts, limits)
 
     joint_limits = _limits(model.velocityLimit)
     line_limits = _limits([line.velocity for line in lines.forces])

@@ -79,12 +79,10 @@ def _motor_limits(mechanism: Mechanism) -> list[float | None]:
     torque. Limits are given for the forces on rates and lines. So each of them limits the motor to
     limit / |factor|, and the smallest of these counts.
     """
-    factors = np.vstack([mechanism.actuation, mechanism.lines.actuation])
-    limits = [*mechanism.model.effortLimit, *(line.effort for line in mechanism.lines.forces)]
     motor_limits = list[float | None]()
-    for factors_of_motor in np.abs(factors).T:
+    for factors in np.abs(mechanism.effort_factors).T:
         motor_limit = np.inf
-        for factor, limit in zip(factors_of_motor, limits, strict=True):
+        for factor, limit in zip(factors, mechanism.effort_limits, strict=True):
             if factor > 0 and 0 < limit < _FAR:  # files write 0, too, for no limit
                 motor_limit = min(motor_limit, float(limit / factor))
         motor_limits.append(motor_limit if np.isfinite(motor_limit) else None)
