@@ -333,6 +333,14 @@ def require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
         raise InputError("out", "entries share memory, as those of numpy.broadcast_to")
 
 
+def names_matching_any(kind: str, patterns: Iterable[str], known: Sequence[str]) -> list[str]:
+    """The known names that match at least one pattern, in their order; see `matching_names`."""
+    matches = set[str]()
+    for pattern in patterns:
+        matches.update(matching_names(kind, pattern, known))
+    return [name for name in known if name in matches]
+
+
 def read_only(array: _Numbers) -> _Numbers:
     """A read-only copy."""
     copy = np.array(array)

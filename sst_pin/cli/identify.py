@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import identification
-from ..arrays import Array, matching_names, positive_number
+from ..arrays import Array, names_matching_any, positive_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
@@ -168,11 +168,9 @@ def _patterns(robot: ClosedChain, which: str | None, masses: Mapping[str, float]
     if not masses:
         return patterns
     names = robot.dynamic_parameters.names
-    considered = set[str]()
-    for pattern in patterns:
-        considered.update(matching_names("parameter", pattern, names))
+    considered = names_matching_any("parameter", patterns, names)
     known = {f"{body}.mass" for body in masses}
-    return [name for name in names if name in considered and name not in known]
+    return [name for name in considered if name not in known]
 
 
 def _urdf_writers(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import arrays
-from ..arrays import Array, Indices, in_order, matching_names
+from ..arrays import Array, Indices, in_order, names_matching_any
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
 from ..engine import require_robot
@@ -187,10 +187,8 @@ def _considered_parameters(
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
     if not patterns:
         raise InputError("which", "no names; None considers all parameters of bodies")
-    matches = set[str]()
-    for pattern in patterns:
-        matches.update(matching_names("parameter", pattern, names))
-    return np.flatnonzero([name in matches for name in names])
+    considered = names_matching_any("parameter", patterns, names)
+    return np.flatnonzero(np.isin(names, considered))
 
 
 def _combination_name(row: Array, names: Sequence[str]) -> str:

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, matching_names
+from ..arrays import Array, names_matching_any
 from ..arrays import names as checked_names
 from ..closed_chain import ClosedChain
 from ..errors import InputError
@@ -146,10 +146,7 @@ def considered_errors(
     else:
         patterns = list(checked_names("which", which))
     all_names = [*lengths, *error_names(places)]
-    matches = set[str]()
-    for pattern in patterns:
-        matches.update(matching_names("error of the geometry", pattern, all_names))
-    considered = [name for name in all_names if name in matches]
+    considered = names_matching_any("error of the geometry", patterns, all_names)
     not_storable = []
     for name in considered:
         if name not in lengths and name.rpartition(".")[0] not in storable:
