@@ -271,6 +271,18 @@ def one_or_each(name: str, value: ArrayLike, count: int, *, or_zero: bool = Fals
     return numbers
 
 
+def batch_shape(arrays: Sequence[Array | None], core_axes: Sequence[int]) -> tuple[int, ...]:
+    """The shape of the batch: the broadcast of the leading axes of the arrays."""
+    leading = list[tuple[int, ...]]()
+    for array, axes in zip(arrays, core_axes, strict=True):
+        if array is not None:
+            leading.append(array.shape[: array.ndim - axes])
+    try:
+        return np.broadcast_shapes(*leading)
+    except ValueError:
+        raise InputError("batch", f"leading axes {leading} do not broadcast") from None
+
+
 def flattened(
     arrays: Sequence[Array | None], core_axes: Sequence[int]
 ) -> tuple[tuple[int, ...], list[Array | None]]:
@@ -279,15 +291,7 @@ def flattened(
     The batch is the broadcast of the leading axes; count is its number of samples. The arrays are
     views where NumPy can make them. None stays None.
     """
-    leading = list[tuple[int, ...]]()
-    for array, axes in zip(arrays, core_axes, strict=True):
-        if array is not None:
-            leading.append(array.shape[: array.ndim - axes])
-    try:
-        batch = np.broadcast_shapes(*leading)
-    except ValueError:
-        raise InputError("batch", f"leading axes {leading} do not broadcast") from None
-
+    batch = batch_shape(arrays, core_axes)
     samples = list[Array | None]()
     for array, axes in zip(arrays, core_axes, strict=True):
         if array is None:

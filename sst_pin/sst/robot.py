@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Array, finite_array, flattened, in_one_turn, of_samples, single_array
+from ..arrays import Array, batch_shape, finite_array, in_one_turn, of_samples, single_array
 from ..closed_chain import ClosedChain
 from ..description.folder import URDF_PATH, YAML_PATH
 from ..description.frames import MOTOR_NAMES
@@ -258,7 +258,7 @@ class SST(ClosedChain):
         omega = finite_array("omega", omega, (3,))
         alpha = finite_array("alpha", alpha, (3,))
         signs = finite_array("branch", branch, (3,))
-        batch, _ = flattened([R, omega, alpha, signs], core_axes=[2, 1, 1, 1])
+        batch = batch_shape([R, omega, alpha, signs], core_axes=[2, 1, 1, 1])
         legs, q = _inverse_pose(engine, "R", np.broadcast_to(R, (*batch, 3, 3)), branch)
         omega = np.broadcast_to(omega, (*batch, 3))
         alpha = np.broadcast_to(alpha, (*batch, 3))
